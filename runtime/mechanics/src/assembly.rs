@@ -463,12 +463,11 @@ impl Energy for DiscreteEnergy {
     }
 
     fn shares(&self, u: &[f64], shares: &mut [f64]) -> Result<(), NonFinite> {
-        assert_eq!(shares.len(), self.body.n_points(), "one number per point");
-        shares.fill(0.0);
-        match &self.rooms {
-            Rooms::Plane(rooms) => self.add_shares(rooms, u, shares),
-            Rooms::Space(rooms) => self.add_shares(rooms, u, shares),
-        }
+        self.shares_from(None, u, shares)
+    }
+
+    fn shares_of(&self, part: usize, u: &[f64], shares: &mut [f64]) -> Result<(), NonFinite> {
+        self.shares_from(Some(part), u, shares)
     }
 
     fn virials(&self, u: &[f64], virials: &mut [f64]) -> Result<(), NonFinite> {

@@ -1,5 +1,7 @@
 //! A body: points with volumes, in two or three dimensions.
 
+use std::ops::Range;
+
 /// Points with volumes.
 ///
 /// Points are kept sorted along the body's longest axis (ties in the user's order), so that a
@@ -48,6 +50,23 @@ impl Body {
             spacing,
             user_index,
             sorted_axis,
+        }
+    }
+
+    /// A slab of it as a body of its own: points `range` in the same order. What they were in the user's order says
+    /// in which order they are there.
+    pub fn part(&self, range: Range<usize>) -> Body {
+        let d = self.dimension;
+        let before = &self.user_index[range.clone()];
+        let mut order: Vec<u32> = (0..before.len() as u32).collect();
+        order.sort_unstable_by_key(|point| before[*point as usize]);
+        let mut user_index = vec![0; before.len()];
+        (0..).zip(&order).for_each(|(place, point)| user_index[*point as usize] = place);
+        Body {
+            positions: self.positions[range.start * d..range.end * d].to_vec(),
+            volumes: self.volumes[range].to_vec(),
+            user_index,
+            ..*self
         }
     }
 

@@ -271,6 +271,18 @@ pub trait Energy: Send + Sync {
     /// Energies that are not finite.
     fn shares(&self, u: &[f64], shares: &mut [f64]) -> Result<(), NonFinite>;
 
+    /// The same of one of its parts, by its number.
+    ///
+    /// # Errors
+    /// As [`Energy::shares`].
+    fn shares_of(&self, part: usize, u: &[f64], shares: &mut [f64]) -> Result<(), NonFinite> {
+        assert!(
+            part == 0 && self.parts().len() == 1,
+            "an energy of several parts knows their shares"
+        );
+        self.shares(u, shares)
+    }
+
     /// How the energies of points change under a uniform displacement gradient `G` on top of `u`, where
     /// the whole body moves by `G X`: `virials` become `dE_i/dG` in J, `n x d x d` row by row, of the
     /// energies that [`Energy::shares`] gives. Over the volume that is the first Piola-Kirchhoff

@@ -125,7 +125,7 @@ impl DiscreteEnergy {
             let mut room = rooms.take(|| Room::new(self));
             let mut held = Holding { direction, half: 0.5 * step, held: Held::default() };
             let visit = Visit { energy: self, slab, order: Order::Gradient, u, only: Some(owners) };
-            visit.all(&mut room, &mut held, false)?;
+            visit.all(&mut room, &mut held, [false, true, true])?;
             Ok(held.held)
         };
         let found: Result<Vec<Held>, NonFinite> = slabs.map(of_slab).collect();

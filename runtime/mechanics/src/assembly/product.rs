@@ -110,25 +110,25 @@ pub(super) fn points<const D: usize, const K: usize>(
 }
 
 impl Visit<'_> {
-    /// Hands the slab's interactions of all kinds to a sink, or of all but bonds.
+    /// Hands the slab's interactions of some kinds to a sink, those of bonds, triangles and tetrahedra.
     pub(super) fn all<const D: usize, S>(
         self,
         room: &mut Room<D>,
         mut sink: S,
-        with_bonds: bool,
+        is_meant: [bool; 3],
     ) -> Result<(), NonFinite>
     where
         S: Sink<D, 1> + Sink<D, 2> + Sink<D, 3>,
     {
         let Room { cliques, gathered: [bonds, triangles, tetrahedra], .. } = room;
         let [of_bonds, of_triangles, of_tetrahedra] = self.energy.kinds();
-        if let (Some(kind), Some(gathered)) = (of_bonds.filter(|_| with_bonds), bonds) {
+        if let (Some(kind), Some(gathered)) = (of_bonds.filter(|_| is_meant[0]), bonds) {
             self.run::<D, 1>(kind, (cliques, gathered), &mut sink)?;
         }
-        if let (Some(kind), Some(gathered)) = (of_triangles, triangles) {
+        if let (Some(kind), Some(gathered)) = (of_triangles.filter(|_| is_meant[1]), triangles) {
             self.run::<D, 2>(kind, (cliques, gathered), &mut sink)?;
         }
-        if let (Some(kind), Some(gathered)) = (of_tetrahedra, tetrahedra) {
+        if let (Some(kind), Some(gathered)) = (of_tetrahedra.filter(|_| is_meant[2]), tetrahedra) {
             self.run::<D, 3>(kind, (cliques, gathered), &mut sink)?;
         }
         Ok(())
@@ -186,7 +186,7 @@ impl InteractionHessian<'_> {
                 axes.each::<D>(&mut add);
             }
             let visit = Visit { energy, slab, order, u, only: None };
-            let done = visit.all(room, sink, with_bonds);
+            let done = visit.all(room, sink, [with_bonds, true, true]);
             done.map(|()| SlabEnergy::default())
         });
         done.map(|_| ())
@@ -194,10 +194,31 @@ impl InteractionHessian<'_> {
 }
 
 impl DiscreteEnergy {
-    /// See [`crate::energy::Energy::shares`]; adds to what is there.
-    pub(super) fn add_shares<const D: usize>(
+    /// See [`crate::energy::Energy::shares`]: those of all its parts, or of one.
+    pub(super) fn shares_from(
+        &self,
+        part: Option<usize>,
+        u: &[f64],
+        shares: &mut [f64],
+    ) -> Result<(), NonFinite> {
+        assert_eq!(shares.len(), self.body.n_points(), "one number per point");
+        shares.fill(0.0);
+        // Parts are those of the measures that are there, in their order.
+        let mut numbers = 0..;
+        let is_meant = self.kinds().map(|kind| {
+            let number = kind.and_then(|_| numbers.next());
+            number.is_some() && part.is_none_or(|part| number == Some(part))
+        });
+        match &self.rooms {
+            Rooms::Plane(rooms) => self.add_shares(rooms, is_meant, u, shares),
+            Rooms::Space(rooms) => self.add_shares(rooms, is_meant, u, shares),
+        }
+    }
+
+    fn add_shares<const D: usize>(
         &self,
         rooms: &Pool<Room<D>>,
+        is_meant: [bool; 3],
         u: &[f64],
         shares: &mut [f64],
     ) -> Result<(), NonFinite> {
@@ -205,7 +226,7 @@ impl DiscreteEnergy {
         let done = self.over_slabs(rooms, shares, |slab, [here, next], room| {
             let sink = Shares { rows: Touched::new(here, next) };
             let visit = Visit { energy: self, slab, order: Order::Energy, u, only: None };
-            let done = visit.all(room, sink, true);
+            let done = visit.all(room, sink, is_meant);
             done.map(|()| SlabEnergy::default())
         });
         done.map(|_| ())
@@ -226,7 +247,7 @@ impl DiscreteEnergy {
             |slab, [here, next], room| {
                 let sink = Virials { positions, rows: Touched::new(here, next) };
                 let visit = Visit { energy: self, slab, order: Order::Gradient, u, only: None };
-                visit.all(room, sink, true).map(|()| SlabEnergy::default())
+                visit.all(room, sink, [true; 3]).map(|()| SlabEnergy::default())
             },
         );
         done.map(|_| ())

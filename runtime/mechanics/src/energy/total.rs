@@ -347,6 +347,16 @@ impl Energy for Total<'_> {
         Ok(())
     }
 
+    fn shares_of(&self, part: usize, u: &[f64], shares: &mut [f64]) -> Result<(), NonFinite> {
+        let mut room = self.rooms.take(Room::default);
+        let u = self.held(u, &mut room.held);
+        let all = self.terms.iter().zip(&self.ranges);
+        for (term, range) in all.filter(|(_, range)| range.contains(&part)) {
+            term.shares_of(part - range.start, u, shares)?;
+        }
+        Ok(())
+    }
+
     fn virials(&self, u: &[f64], virials: &mut [f64]) -> Result<(), NonFinite> {
         let mut room = self.rooms.take(Room::default);
         let Room { held, blocks: own, .. } = &mut *room;

@@ -493,6 +493,10 @@ impl Energy for Breaking {
         self.now().energy.shares(u, shares)
     }
 
+    fn shares_of(&self, part: usize, u: &[f64], shares: &mut [f64]) -> Result<(), NonFinite> {
+        self.now().energy.shares_of(part, u, shares)
+    }
+
     fn virials(&self, u: &[f64], virials: &mut [f64]) -> Result<(), NonFinite> {
         self.now().energy.virials(u, virials)
     }

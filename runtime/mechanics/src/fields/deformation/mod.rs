@@ -7,6 +7,7 @@
 //! | `sweep`, `batch` | what is asked of an energy of the fields `u` and `H`, at points and at bonds; laws over batches |
 //! | `stabilisation` | energies of what neighbours deviate from a point's deformation gradient |
 //! | `quadrature` | deformation gradients at bonds |
+//! | `shares` | the energy and its virials point by point |
 //! | `functions` | conditions of deformation gradients under which bonds break, and what is remembered next |
 //! | `linear` | second derivatives by the fields, of which the stored Hessian is made |
 //! | `elastic` | the law at rest: stiffnesses of stabilisation and of springs like the Hessian |
@@ -31,6 +32,7 @@ mod moments;
 mod operator;
 mod quadrature;
 mod rows;
+mod shares;
 mod stabilisation;
 mod sweep;
 #[cfg(test)]
@@ -253,36 +255,6 @@ impl DeformationEnergy {
         }
     }
 
-    fn share<const D: usize>(&self, u: &[f64], shares: &mut [f64]) -> Result<(), NonFinite> {
-        let mut room = self.room.take(Room::default);
-        let Room { h, parts, .. } = &mut *room;
-        let h = self.gradients_in::<D>(u, h);
-        let fields = Fields { u: u.as_chunks::<D>().0, h };
-        let duals = Duals { shares, ..Duals::default() };
-        let done = self.sweep(fields, Pass::Energy, duals, parts);
-        done.map(|_| ()).map_err(|failure| self.failed(failure, u))
-    }
-
-    /// Stabilisations have none: they resist what is left of displacements beside their gradient.
-    fn virial<const D: usize>(&self, u: &[f64], virials: &mut [f64]) -> Result<(), NonFinite> {
-        let mut room = self.room.take(Room::default);
-        let Room { h, parts, .. } = &mut *room;
-        let h = self.gradients_in::<D>(u, h);
-        let fields = Fields { u: u.as_chunks::<D>().0, h };
-        let (law, pass) = (self.law(), Pass::Virial);
-        let mut duals = Duals { stress: tensors::<D>(virials), ..Duals::default() };
-        let done = match &self.places {
-            Places::Bonds(bonds) => {
-                let whole = (&*self.body, self.operator.neighborhood(), &self.slabs);
-                over_bonds(&self.slabs, duals, parts, |slab, duals| {
-                    bonds.visit(law, whole, slab, (fields, pass), duals)
-                })
-            }
-            _ => over_points(law, self.body.volumes(), fields, pass, &mut duals, parts),
-        };
-        done.map(|_| ()).map_err(|failure| self.failed(failure, u))
-    }
-
     fn gradients<const D: usize>(&self, u: &[f64]) -> Vec<Tensor<D>> {
         let mut h = vec![[[0.0; D]; D]; self.body.n_points()];
         self.operator.gradient(u, &mut h);
@@ -475,6 +447,17 @@ impl Energy for DeformationEnergy {
             2 => self.share::<2>(u, shares),
             _ => self.share::<3>(u, shares),
         }
+    }
+
+    fn shares_of(&self, part: usize, u: &[f64], shares: &mut [f64]) -> Result<(), NonFinite> {
+        self.shares(u, shares)?;
+        if self.parts().len() > 1 {
+            match self.body.dimension() {
+                2 => self.keep_part::<2>(part, u, shares),
+                _ => self.keep_part::<3>(part, u, shares),
+            }?;
+        }
+        Ok(())
     }
 
     fn virials(&self, u: &[f64], virials: &mut [f64]) -> Result<(), NonFinite> {

@@ -1,0 +1,352 @@
+/* Newton's method, linear systems and their preconditioners: SNES, KSP and PC on one matrix. */
+#include "shim.h"
+
+#include <stdlib.h>
+
+struct PiolaNewton {
+  PetscInt  n, first, d; /* points of this rank, the first one's number, numbers a point */
+  int64_t  *starts;
+  PetscInt *columns;
+  PetscInt  widest; /* most blocks of a row */
+  Mat       tangent;
+  Vec       x, r;
+  SNES      snes;
+  KSP       ksp;
+  PetscReal linear_tolerance;
+  PetscBool adapts; /* the linear tolerance to the residual, after Eisenstat and Walker */
+  /* Of the solve that runs. */
+  const PiolaCallbacks *callbacks;
+  PetscBool             failed, outside;
+  PetscReal             norm, first_norm;
+};
+
+/* Weighs what callbacks of all ranks say; an error where one failed, on every rank. */
+static PetscErrorCode hear(PiolaNewton *newton, int32_t own, int32_t *all)
+{
+  PetscFunctionBegin;
+  *all = piola_agree(own);
+  if (*all == PIOLA_FAILED) {
+    newton->failed = PETSC_TRUE;
+    SETERRQ(PETSC_COMM_SELF, PETSC_ERR_USER, "a callback failed");
+  }
+  PetscFunctionReturn(0);
+}
+
+/* Outside of the domain the residual is infinite on all ranks: the line search goes shorter. PETSc's own flag
+ * for this stays set when a shorter step is inside again, and would refuse that step too. */
+static PetscErrorCode residual(SNES snes, Vec x, Vec r, void *context)
+{
+  PiolaNewton       *newton = context;
+  const PetscScalar *u;
+  PetscScalar       *values;
+  int32_t            all;
+  PetscFunctionBegin;
+  (void)snes;
+  PetscCall(VecGetArrayRead(x, &u));
+  PetscCall(VecGetArrayWrite(r, &values));
+  int32_t own = newton->callbacks->residual(newton->callbacks->problem, u, values);
+  PetscCall(VecRestoreArrayWrite(r, &values));
+  PetscCall(VecRestoreArrayRead(x, &u));
+  PetscCall(hear(newton, own, &all));
+  newton->outside = all == PIOLA_OUTSIDE ? PETSC_TRUE : PETSC_FALSE;
+  if (newton->outside) PetscCall(VecSet(r, PETSC_INFINITY));
+  PetscFunctionReturn(0);
+}
+
+/* Blocks come one after another, each row by row; PETSc wants all first rows of a row of blocks, then all
+ * second ones. */
+static PetscErrorCode insert(PiolaNewton *newton, const double *blocks)
+{
+  const PetscInt d = newton->d;
+  PetscScalar   *rows;
+  PetscFunctionBegin;
+  PetscCall(PetscMalloc1(d * d * newton->widest, &rows));
+  for (PetscInt i = 0; i < newton->n; i++) {
+    const int64_t  start = newton->starts[i];
+    const PetscInt count = (PetscInt)(newton->starts[i + 1] - start), row = newton->first + i;
+    for (PetscInt k = 0; k < count; k++)
+      for (PetscInt a = 0; a < d; a++)
+        for (PetscInt b = 0; b < d; b++) rows[(a * count + k) * d + b] = blocks[((start + k) * d + a) * d + b];
+    PetscCall(MatSetValuesBlocked(newton->tangent, 1, &row, count, newton->columns + start, rows, INSERT_VALUES));
+  }
+  PetscCall(PetscFree(rows));
+  PetscCall(MatAssemblyBegin(newton->tangent, MAT_FINAL_ASSEMBLY));
+  PetscCall(MatAssemblyEnd(newton->tangent, MAT_FINAL_ASSEMBLY));
+  PetscFunctionReturn(0);
+}
+
+/* The blocks live for as long as it takes to insert them: the matrix has them a second time. */
+static PetscErrorCode tangent(SNES snes, Vec x, Mat given, Mat preconditioned, void *context)
+{
+  PiolaNewton       *newton = context;
+  const PetscScalar *u;
+  int32_t            all;
+  PetscFunctionBegin;
+  const size_t numbers = (size_t)newton->starts[newton->n] * (size_t)(newton->d * newton->d);
+  double      *blocks  = calloc(numbers ? numbers : 1, sizeof *blocks);
+  if (!blocks) piola_note("no memory for the blocks of a tangent");
+  PetscCall(VecGetArrayRead(x, &u));
+  int32_t own = blocks ? newton->callbacks->tangent(newton->callbacks->problem, u, blocks) : PIOLA_FAILED;
+  PetscCall(VecRestoreArrayRead(x, &u));
+  PetscErrorCode code = hear(newton, own, &all);
+  if (code == 0 && all == PIOLA_OUTSIDE) code = SNESSetJacobianDomainError(snes);
+  if (code == 0) code = insert(newton, blocks);
+  free(blocks);
+  PetscCall(code);
+  /* Without a matrix (-snes_mf_operator) the first one is a product that PETSc assembles. */
+  if (given != preconditioned) {
+    PetscCall(MatAssemblyBegin(given, MAT_FINAL_ASSEMBLY));
+    PetscCall(MatAssemblyEnd(given, MAT_FINAL_ASSEMBLY));
+  }
+  PetscFunctionReturn(0);
+}
+
+/* Whoever poses the problem says when it is solved; PETSc says when there is no hope. */
+static PetscErrorCode converged(SNES snes, PetscInt iteration, PetscReal x, PetscReal step, PetscReal norm, SNESConvergedReason *reason,
+                                void *context)
+{
+  PiolaNewton *newton = context;
+  PetscReal    worse;
+  int32_t      all;
+  PetscFunctionBegin;
+  (void)x, (void)step;
+  *reason      = SNES_CONVERGED_ITERATING;
+  newton->norm = norm;
+  if (iteration == 0) newton->first_norm = norm;
+  if (PetscIsInfOrNanReal(norm)) {
+    *reason = SNES_DIVERGED_FNORM_NAN;
+    PetscFunctionReturn(0);
+  }
+  PetscCall(hear(newton, newton->callbacks->is_converged(newton->callbacks->problem, iteration, norm), &all));
+  PetscCall(SNESGetDivergenceTolerance(snes, &worse));
+  if (all == PIOLA_FINE) *reason = SNES_CONVERGED_FNORM_ABS;
+  else if (iteration > 0 && worse > 0 && norm > worse * newton->first_norm) *reason = SNES_DIVERGED_DTOL;
+  PetscFunctionReturn(0);
+}
+
+/* Room for the pattern, exactly: an entry outside of it is an error and not a slow insertion. */
+static PetscErrorCode make_matrix(PiolaNewton *newton, int64_t all, const int64_t *columns)
+{
+  const PetscInt n = newton->n, d = newton->d;
+  PetscInt       rows, all_rows, entries, *own, *others;
+  PetscFunctionBegin;
+  PetscCall(piola_narrow((int64_t)n * d, "unknowns of a rank", &rows));
+  PetscCall(piola_narrow(all * d, "unknowns", &all_rows));
+  PetscCall(piola_narrow(newton->starts[n] * d * d, "entries of the tangent on a rank", &entries));
+  PetscCall(PetscMalloc1(newton->starts[n], &newton->columns));
+  PetscCall(PetscCalloc2(n, &own, n, &others));
+  for (PetscInt i = 0; i < n; i++) {
+    for (int64_t k = newton->starts[i]; k < newton->starts[i + 1]; k++) {
+      newton->columns[k]   = (PetscInt)columns[k];
+      const PetscInt place = newton->columns[k] - newton->first;
+      if (place >= 0 && place < n) own[i]++;
+      else others[i]++;
+    }
+    newton->widest = PetscMax(newton->widest, own[i] + others[i]);
+  }
+  PetscCall(MatCreate(PETSC_COMM_WORLD, &newton->tangent));
+  PetscCall(MatSetSizes(newton->tangent, rows, rows, all_rows, all_rows));
+  PetscCall(MatSetBlockSize(newton->tangent, d));
+  PetscCall(MatSetType(newton->tangent, MATAIJ));
+  PetscCall(MatSetFromOptions(newton->tangent));
+  PetscCall(MatXAIJSetPreallocation(newton->tangent, d, own, others, NULL, NULL));
+  PetscCall(MatSetOption(newton->tangent, MAT_NEW_NONZERO_ALLOCATION_ERR, PETSC_TRUE));
+  PetscCall(MatSetOption(newton->tangent, MAT_NO_OFF_PROC_ENTRIES, PETSC_TRUE));
+  PetscCall(PetscFree2(own, others));
+  PetscFunctionReturn(0);
+}
+
+/* Orthonormal over all ranks, twice as once leaves what rounding makes of nearly parallel ones; what depends
+ * on earlier ones is left out. */
+static PetscErrorCode set_modes(PiolaNewton *newton, int32_t n_modes, const double *const *modes)
+{
+  Vec         *vectors;
+  MatNullSpace space;
+  PetscInt     kept = 0;
+  PetscFunctionBegin;
+  if (n_modes == 0) PetscFunctionReturn(0);
+  PetscCall(VecDuplicateVecs(newton->x, n_modes, &vectors));
+  for (int32_t mode = 0; mode < n_modes; mode++) {
+    Vec          vector = vectors[kept];
+    PetscScalar *values;
+    PetscReal    before, after;
+    PetscCall(VecGetArrayWrite(vector, &values));
+    PetscCall(PetscArraycpy(values, modes[mode], newton->n * newton->d));
+    PetscCall(VecRestoreArrayWrite(vector, &values));
+    PetscCall(VecNorm(vector, NORM_2, &before));
+    for (PetscInt k = 0; k < 2 * kept; k++) {
+      PetscScalar along;
+      PetscCall(VecDot(vector, vectors[k % kept], &along));
+      PetscCall(VecAXPY(vector, -along, vectors[k % kept]));
+    }
+    PetscCall(VecNorm(vector, NORM_2, &after));
+    if (!(after > 1e-10 * before)) continue;
+    PetscCall(VecScale(vector, 1 / after));
+    kept++;
+  }
+  if (kept > 0) {
+    PetscCall(MatNullSpaceCreate(PETSC_COMM_WORLD, PETSC_FALSE, kept, vectors, &space));
+    PetscCall(MatSetNearNullSpace(newton->tangent, space));
+    PetscCall(MatNullSpaceDestroy(&space));
+  }
+  PetscCall(VecDestroyVecs(n_modes, &vectors));
+  PetscFunctionReturn(0);
+}
+
+/* What converges without options; the user's come last. */
+static PetscErrorCode set_defaults(PiolaNewton *newton)
+{
+  SNESLineSearch search;
+  PC             pc;
+  PetscBool      given;
+  PetscFunctionBegin;
+  PetscCall(SNESSetType(newton->snes, SNESNEWTONLS));
+  PetscCall(SNESGetLineSearch(newton->snes, &search));
+  PetscCall(SNESLineSearchSetType(search, SNESLINESEARCHBT));
+  PetscCall(SNESSetCheckJacobianDomainError(newton->snes, PETSC_TRUE));
+  PetscCall(SNESSetTolerances(newton->snes, 0, 0, 0, 50, 100000));
+  PetscCall(SNESGetKSP(newton->snes, &newton->ksp));
+  PetscCall(KSPSetType(newton->ksp, KSPFGMRES));
+  PetscCall(KSPSetTolerances(newton->ksp, 1e-8, PETSC_DEFAULT, PETSC_DEFAULT, 2000));
+  PetscCall(KSPGetPC(newton->ksp, &pc));
+  PetscCall(PCSetType(pc, PCGAMG));
+  PetscCall(SNESSetFromOptions(newton->snes));
+  /* A restart belongs to the method, and is lost where the user takes another one of the kind. */
+  PetscCall(PetscOptionsHasName(NULL, NULL, "-ksp_gmres_restart", &given));
+  if (!given) PetscCall(KSPGMRESSetRestart(newton->ksp, 100));
+  PetscCall(KSPGetTolerances(newton->ksp, &newton->linear_tolerance, NULL, NULL, NULL));
+  PetscCall(SNESKSPGetUseEW(newton->snes, &newton->adapts));
+  PetscFunctionReturn(0);
+}
+
+static PetscErrorCode make_solver(PiolaNewton *newton)
+{
+  PetscFunctionBegin;
+  PetscCall(SNESCreate(PETSC_COMM_WORLD, &newton->snes));
+  PetscCall(SNESSetFunction(newton->snes, newton->r, residual, newton));
+  PetscCall(SNESSetJacobian(newton->snes, newton->tangent, newton->tangent, tangent, newton));
+  PetscCall(SNESSetConvergenceTest(newton->snes, converged, newton, NULL));
+  PetscCall(set_defaults(newton));
+  PetscFunctionReturn(0);
+}
+
+static PetscErrorCode fill_in(PiolaNewton *newton, int64_t own, int64_t first, int64_t all, int32_t d, const int64_t *starts,
+                              const int64_t *columns, int32_t n_modes, const double *const *modes)
+{
+  PetscFunctionBegin;
+  PetscCall(piola_narrow(own, "points of a rank", &newton->n));
+  PetscCall(piola_narrow(first, "the first point of a rank", &newton->first));
+  newton->d = d;
+  PetscCall(PetscMalloc1(own + 1, &newton->starts));
+  PetscCall(PetscArraycpy(newton->starts, starts, own + 1));
+  PetscCall(make_matrix(newton, all, columns));
+  PetscCall(MatCreateVecs(newton->tangent, &newton->x, &newton->r));
+  PetscCall(set_modes(newton, n_modes, modes));
+  PetscCall(make_solver(newton));
+  PetscFunctionReturn(0);
+}
+
+int piola_newton_new(int64_t own, int64_t first, int64_t all, int32_t d, const int64_t *starts, const int64_t *columns, int32_t n_modes,
+                     const double *const *modes, PiolaNewton **made)
+{
+  PiolaNewton *newton;
+  PetscFunctionBegin;
+  *made = NULL;
+  PetscCall(PetscNew(&newton));
+  PetscErrorCode code = fill_in(newton, own, first, all, d, starts, columns, n_modes, modes);
+  if (code) piola_newton_free(newton);
+  else *made = newton;
+  PetscFunctionReturn(code);
+}
+
+static PetscErrorCode copy_in(PiolaNewton *newton, Vec vector, const double *values)
+{
+  PetscScalar *inside;
+  PetscFunctionBegin;
+  PetscCall(VecGetArrayWrite(vector, &inside));
+  PetscCall(PetscArraycpy(inside, values, newton->n * newton->d));
+  PetscCall(VecRestoreArrayWrite(vector, &inside));
+  PetscFunctionReturn(0);
+}
+
+static PetscErrorCode copy_out(PiolaNewton *newton, Vec vector, double *values)
+{
+  const PetscScalar *inside;
+  PetscFunctionBegin;
+  PetscCall(VecGetArrayRead(vector, &inside));
+  PetscCall(PetscArraycpy(values, inside, newton->n * newton->d));
+  PetscCall(VecRestoreArrayRead(vector, &inside));
+  PetscFunctionReturn(0);
+}
+
+/* The name of a reason is one of PETSc's table, from the least negative number on. */
+static const char *linear_reason(KSP ksp)
+{
+  KSPConvergedReason reason;
+  return KSPGetConvergedReason(ksp, &reason) ? NULL : KSPConvergedReasons[reason];
+}
+
+int piola_newton_solve(PiolaNewton *newton, const PiolaCallbacks *callbacks, double *u, PiolaOutcome *outcome)
+{
+  SNESConvergedReason reason;
+  PetscInt            iterations, linear_iterations;
+  PetscFunctionBegin;
+  newton->callbacks = callbacks;
+  newton->failed = newton->outside = PETSC_FALSE;
+  newton->norm                     = PETSC_INFINITY;
+  PetscCall(copy_in(newton, newton->x, u));
+  PetscErrorCode code = SNESSolve(newton->snes, NULL, newton->x);
+  newton->callbacks   = NULL;
+  if (newton->failed) PetscFunctionReturn(PIOLA_CALLBACK_FAILED);
+  PetscCall(code);
+  PetscCall(copy_out(newton, newton->x, u));
+  PetscCall(SNESGetConvergedReason(newton->snes, &reason));
+  PetscCall(SNESGetIterationNumber(newton->snes, &iterations));
+  PetscCall(SNESGetLinearSolveIterations(newton->snes, &linear_iterations));
+  if (reason == SNES_DIVERGED_FNORM_NAN && newton->outside) reason = SNES_DIVERGED_FUNCTION_DOMAIN;
+  *outcome = (PiolaOutcome){reason > 0,           iterations, linear_iterations, newton->norm, SNESConvergedReasons[reason],
+                            reason == SNES_DIVERGED_LINEAR_SOLVE ? linear_reason(newton->ksp) : NULL};
+  PetscFunctionReturn(0);
+}
+
+/* By the user's own tolerance, which Newton's method may have changed for its last step. */
+static PetscErrorCode solve_linear(PiolaNewton *newton)
+{
+  PetscFunctionBegin;
+  PetscCall(SNESKSPSetUseEW(newton->snes, PETSC_FALSE));
+  PetscCall(KSPSetTolerances(newton->ksp, newton->linear_tolerance, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT));
+  PetscCall(KSPSetOperators(newton->ksp, newton->tangent, newton->tangent));
+  PetscCall(KSPSolve(newton->ksp, newton->r, newton->x));
+  PetscCall(SNESKSPSetUseEW(newton->snes, newton->adapts));
+  PetscFunctionReturn(0);
+}
+
+int piola_newton_solve_linear(PiolaNewton *newton, const double *blocks, const double *right, double *x, PiolaOutcome *outcome)
+{
+  KSPConvergedReason reason;
+  PetscInt           iterations;
+  PetscReal          norm;
+  PetscFunctionBegin;
+  PetscCall(insert(newton, blocks));
+  PetscCall(copy_in(newton, newton->r, right));
+  PetscCall(solve_linear(newton));
+  PetscCall(copy_out(newton, newton->x, x));
+  PetscCall(KSPGetConvergedReason(newton->ksp, &reason));
+  PetscCall(KSPGetIterationNumber(newton->ksp, &iterations));
+  PetscCall(KSPGetResidualNorm(newton->ksp, &norm));
+  *outcome = (PiolaOutcome){reason > 0, 0, iterations, norm, KSPConvergedReasons[reason], NULL};
+  PetscFunctionReturn(0);
+}
+
+void piola_newton_free(PiolaNewton *newton)
+{
+  if (!newton) return;
+  /* Errors here have nobody who could act on them. */
+  (void)SNESDestroy(&newton->snes);
+  (void)MatDestroy(&newton->tangent);
+  (void)VecDestroy(&newton->x);
+  (void)VecDestroy(&newton->r);
+  (void)PetscFree(newton->starts);
+  (void)PetscFree(newton->columns);
+  (void)PetscFree(newton);
+}

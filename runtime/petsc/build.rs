@@ -25,7 +25,8 @@ mod shim {
         let mut build = cc::Build::new();
         let mut includes = petsc.include_paths;
         // MPI's own compiler knows where MPI is; without it pkg-config is asked, for Open MPI and MPICH.
-        let mpi = ["mpi-c", "ompi-c", "mpich", "mpi"].iter().find_map(|name| library(name, None).ok());
+        let mpi =
+            ["mpi-c", "ompi-c", "mpich", "mpi"].iter().find_map(|name| library(name, None).ok());
         match mpi {
             Some(mpi) => includes.extend(mpi.include_paths),
             None if has_mpicc() => {

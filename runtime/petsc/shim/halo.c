@@ -3,7 +3,8 @@
 
 struct PiolaHalo {
   PetscSF      forest;
-  MPI_Datatype point; /* d numbers */
+  MPI_Datatype point; /* d numbers; one is a number itself, as sums of contiguous ones fail in PETSc 3.18 */
+  PetscBool    own_type;
   size_t       ghosts_at;
 };
 
@@ -32,8 +33,12 @@ int piola_halo_new(int64_t own, int64_t n_ghosts, const int32_t *owners, const i
   PetscFunctionBegin;
   *made = NULL;
   PetscCall(PetscNew(&halo));
-  PetscCallMPI(MPI_Type_contiguous(d, MPI_DOUBLE, &halo->point));
-  PetscCallMPI(MPI_Type_commit(&halo->point));
+  halo->point    = MPI_DOUBLE;
+  halo->own_type = d > 1 ? PETSC_TRUE : PETSC_FALSE;
+  if (halo->own_type) {
+    PetscCallMPI(MPI_Type_contiguous(d, MPI_DOUBLE, &halo->point));
+    PetscCallMPI(MPI_Type_commit(&halo->point));
+  }
   halo->ghosts_at = (size_t)own * (size_t)d;
   PetscCall(PetscSFCreate(PETSC_COMM_WORLD, &halo->forest));
   PetscCall(make_forest(halo->forest, own, n_ghosts, owners, places));
@@ -62,6 +67,6 @@ void piola_halo_free(PiolaHalo *halo)
   if (!halo) return;
   /* An error here has nobody who could act on it. */
   (void)PetscSFDestroy(&halo->forest);
-  MPI_Type_free(&halo->point);
+  if (halo->own_type) (void)MPI_Type_free(&halo->point);
   (void)PetscFree(halo);
 }

@@ -371,13 +371,7 @@ impl RawNewton {
         // SAFETY: the handle lives, and the three arrays are as long as checked.
         check(unsafe {
             let (blocks, right) = (blocks.as_ptr(), right.as_ptr());
-            piola_newton_solve_linear(
-                self.handle.as_ptr(),
-                blocks,
-                right,
-                x.as_mut_ptr(),
-                &mut raw,
-            )
+            piola_newton_solve_linear(self.handle.as_ptr(), blocks, right, x.as_mut_ptr(), &mut raw)
         })?;
         Ok(ended(&raw))
     }

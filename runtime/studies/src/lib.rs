@@ -5,6 +5,7 @@
 //! | what is asked for | [`scene`], [`plan`] |
 //! | a scene made ready | [`case`] |
 //! | planned, solved and written down | [`simulation`] |
+//! | the same over many processes | `simulation::ranks`, with the feature `petsc` |
 //! | what accuracy costs | [`trade`]; an interaction alone: [`cost`] |
 //! | which elastic moduli a body has | [`moduli`] |
 //!

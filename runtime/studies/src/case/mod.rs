@@ -276,6 +276,24 @@ impl Case {
         self.potentials.iter().zip(self.places()).map(compile).collect()
     }
 
+    /// A slab of the body with what belongs to its points, but for a mesh: points `range` in the body's order.
+    #[cfg(feature = "petsc")]
+    pub(crate) fn part(&self, range: std::ops::Range<usize>) -> Case {
+        let mut in_user_order = self.body.user_index()[range.clone()].to_vec();
+        in_user_order.sort_unstable();
+        Case {
+            body: Arc::new(self.body.part(range.clone())),
+            materials: self.materials.as_ref().map(|materials| Arc::new(materials.part(range))),
+            columns: self.columns.of_points(&in_user_order),
+            mesh: None,
+            scene: self.scene.clone(),
+            potentials: self.potentials.clone(),
+            content: self.content,
+            warnings: Vec::new(),
+            folder: self.folder.clone(),
+        }
+    }
+
     /// The same body of one of its materials alone; `None` where it has no such material.
     pub fn of_material(&self, name: &str) -> Option<Case> {
         let law = self.scene.regions.iter().position(|region| region.name.value == name)?;

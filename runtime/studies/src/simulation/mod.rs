@@ -4,6 +4,7 @@
 //! |---|---|
 //! | [`Case::plan`] | what will be modelled and what it costs |
 //! | [`run()`] | load steps or a motion, with everything they leave in the output folder |
+//! | `ranks::run` | the same over many processes, with the feature `petsc` |
 //! | [`cost()`] | time and memory of every phase, up to the first linear system or the steps of a motion |
 //! | [`bond_history`] | the history of one bond: why it broke, or did not |
 //! | [`solve()`] | load steps or a motion, and only what comparisons look at |
@@ -17,6 +18,8 @@ mod course;
 mod forecast;
 mod motion;
 mod point_fields;
+#[cfg(feature = "petsc")]
+pub mod ranks;
 mod rehearsal;
 mod run;
 mod tracks;

@@ -1,0 +1,226 @@
+//! A scene run by many processes: each owns a slab of the body, and holds what its forces depend on beside it.
+//!
+//! | module | does |
+//! |---|---|
+//! | `share` | which points are whose, and how far a halo reaches |
+//! | `rows` | whole rows of the tangent of own points |
+//! | `slab` | forces and tangent of own points, as PETSc asks for them |
+//! | `steps` | load steps |
+//! | `record` | sums over all ranks, and what rank 0 writes of them |
+//!
+//! Energies, kernels and neighbourhoods are those of a run by one process, of the part of the body that a rank holds:
+//! forces on its own points are whole there, and rows of the tangent, too. What a rank holds beyond is the halo, of
+//! whose points the displacements come from their owners. Newton's method, Krylov methods and multigrid are PETSc's.
+//! All ranks read the scene and its points; from then on each keeps neighbours and tangent of its part alone.
+
+mod record;
+mod rows;
+mod share;
+mod slab;
+mod steps;
+
+use piola_grammar::counted;
+use piola_mechanics::energy::{Energy as _, Total};
+use piola_mechanics::interaction::Inverted;
+use piola_mechanics::weights::Weights;
+use piola_output::summary::{ExitReason, PhaseClock, SolverSummary};
+use piola_output::{OutputFolder, Points};
+use piola_petsc::Engine;
+use piola_solvers::Watch;
+use piola_solvers::steps::{Control, Find};
+
+use super::run::{Ending, RunError, RunOptions, enter};
+use crate::case::{Case, CaseError};
+use crate::scene::boundary::BoundaryConditions;
+use crate::scene::selection::{PointSet, Selection};
+use record::{Recorder, Sums, gathered};
+use share::{Share, reach};
+use slab::Slab;
+use steps::{Found, LoadSteps, agreed, lost};
+
+/// Runs the load steps of a case over all ranks of an engine. All of them call it with the same case; rank 0 has the
+/// folder, and alone writes. Collective.
+///
+/// # Errors
+/// On all ranks: a case that cannot be run so, or cannot start; what PETSc reports; a file that cannot be written.
+pub fn run(
+    case: &Case,
+    engine: &Engine,
+    folder: Option<&OutputFolder>,
+    options: RunOptions<'_>,
+    watch: &Watch,
+) -> Result<Ending, RunError> {
+    refuse(case, engine)?;
+    case.check_rest()?;
+    let mut clock = PhaseClock::new();
+    enter(&mut clock, watch, "compile");
+    let compiled = case.compile()?;
+    enter(&mut clock, watch, "interactions");
+    let selection = case.selection()?;
+    // Of the whole body, so that what is wrong is told as in any run.
+    let held =
+        BoundaryConditions::new(&case.scene, &case.body, &selection).map_err(CaseError::from)?;
+    let share = Share::of(&case.body, reach(case), (engine.rank(), engine.ranks()));
+    let part = case.part(share.held.clone());
+    let own_selection = selection_of(&selection, &share);
+    let (energy, fields) =
+        agreed(engine, part.solved_energy(compiled).map_err(|error| error.to_string()))?;
+    let boundary = BoundaryConditions::new(&part.scene, &part.body, &own_selection)
+        .map_err(CaseError::from)?;
+    let tolerance = case.scene.solver.tolerance;
+    let mut slab =
+        Slab::new((engine, &share), &energy, boundary.fixed_dofs(), tolerance).map_err(lost)?;
+    let newton = slab.solver(&share).map_err(lost)?;
+    let points = folder.map(|_| {
+        let points = Points::of(&case.body).with_mesh(case.mesh.clone());
+        points.with_held(&case.body, held.fixed_dofs())
+    });
+    let resolved = case.scene.resolved_toml();
+    let begun = match (folder, &points) {
+        (Some(folder), Some(points)) => {
+            let recorder = Recorder::new((case, &selection), energy.parts(), folder, points);
+            recorder.and_then(|one| one.keep_scene(&resolved).map(|()| Some(one)))
+        }
+        _ => Ok(None),
+    };
+    let mut recorder = agreed(engine, begun.map_err(|error| error.to_string()))?;
+    enter(&mut clock, watch, "solve");
+    let n = share.own.len() * case.body.dimension();
+    let given = vec![0.0; part.body.positions().len()];
+    let mut steps = LoadSteps {
+        engine,
+        slab: &mut slab,
+        newton,
+        boundary: &boundary,
+        fields: &fields,
+        u: vec![0.0; n],
+        given,
+        t: 0.0,
+        solves: [0; 2],
+    };
+    let mut see = |steps: &mut LoadSteps<'_, '_>, found: Found| {
+        let sums = Sums::of(engine, &energy, (steps.slab, &share), (case, &selection));
+        let residual: Vec<f64> =
+            steps.slab.own_forces().iter().zip(steps.slab.loads()).map(|(g, f)| g - f).collect();
+        let (u, residual) = (gathered(engine, &steps.u), gathered(engine, &residual));
+        let written = match (&mut recorder, u, residual) {
+            (Some(recorder), Some(u), Some(residual)) => {
+                let residuals = &steps.slab.residuals;
+                recorder.record(&found, sums, residuals, energy.parts(), (&u, &residual))
+            }
+            _ => Ok(()),
+        };
+        agreed(engine, written.map_err(|error| error.to_string()))
+    };
+    let (end, increments) = (case.scene.steps.end, case.scene.steps.increments);
+    let mut failed = None;
+    for k in 1..=increments {
+        let t = if k == increments { end } else { end * (k as f64 / increments as f64) };
+        if let Err(not_found) = steps.go_to(t, &mut see)? {
+            failed = Some(not_found);
+            break;
+        }
+    }
+    enter(&mut clock, watch, "output");
+    let (t, solves) = (steps.t, steps.solves);
+    let bonds = bonds(engine, &energy, &share);
+    let unused = engine.unused_options().map_err(lost)?;
+    let done = recorder.as_ref().map_or(0, Recorder::steps);
+    let ending = Ending {
+        reason: if failed.is_some() { ExitReason::NotConverged } else { ExitReason::Completed },
+        message: failed.map_or_else(String::new, |failed| {
+            format!("no equilibrium at t = {}, the last is at t = {t}: {}", failed.t, failed.reason)
+        }),
+        helps: Vec::new(),
+        done: format!("{} converged on {}", counted(done, "step"), counted(engine.ranks(), "rank")),
+        steps: done,
+        indefinite: 0,
+        fails: false,
+        inverted: Inverted::default(),
+        warnings: unused
+            .iter()
+            .map(|option| {
+                format!("no part of PETSc asked for the option {option}: is it misspelt?")
+            })
+            .collect(),
+    };
+    let written = match recorder {
+        Some(recorder) => {
+            let solver = solver_summary(solves);
+            let told = (&ending, options);
+            recorder.finish(&energy, told, (solver, bonds), (&resolved, clock))
+        }
+        None => Ok(()),
+    };
+    agreed(engine, written.map_err(|error| error.to_string()))?;
+    Ok(ending)
+}
+
+/// Refuses what runs of many ranks do not do.
+fn refuse(case: &Case, engine: &Engine) -> Result<(), CaseError> {
+    let scene = &case.scene;
+    let n = case.body.n_points();
+    let cannot = [
+        (scene.motion.is_some(), "bodies in motion run in one process: leave --petsc out"),
+        (
+            case.can_break() || case.n_states() > 0,
+            "bodies that break or remember run in one process: leave --petsc out",
+        ),
+        (
+            scene.steps.find != Find::Newton || scene.steps.control != Control::Load,
+            "over ranks equilibria are found by Newton's method at given loads: leave `find` and `control` out of [steps]",
+        ),
+        (
+            scene.horizon.weights == Weights::Truncated,
+            "weights = \"truncated\" compare a point's family with the largest of the body, which no rank knows: take \
+             \"uniform\" or \"volumes\"",
+        ),
+    ];
+    if let Some((_, message)) = cannot.iter().find(|(is_so, _)| *is_so) {
+        return Err(CaseError::Body { message: (*message).to_string() });
+    }
+    if engine.ranks() > n {
+        let (points, ranks) = (counted(n, "point"), engine.ranks());
+        let message =
+            format!("the body has {points}, too few for {ranks} ranks: start at most {n}");
+        return Err(CaseError::Body { message });
+    }
+    Ok(())
+}
+
+/// What of sets and probes a rank holds, with the volumes of whole sets.
+fn selection_of(selection: &Selection, share: &Share) -> Selection {
+    let of = |set: &PointSet| PointSet {
+        name: set.name.clone(),
+        points: set
+            .points
+            .iter()
+            .filter(|point| share.held.contains(point))
+            .map(|point| point - share.held.start)
+            .collect(),
+        volume: set.volume,
+    };
+    let sets = selection.sets.iter().map(of).collect();
+    Selection { sets, probes: Vec::new(), warnings: Vec::new() }
+}
+
+/// How many bonds the body has. Collective.
+fn bonds(engine: &Engine, energy: &Total<'_>, share: &Share) -> usize {
+    let pattern = energy.bonds();
+    let own = share.own_of_held();
+    let upper = own.map(|point| pattern.row(point).len() - 1).sum::<usize>();
+    engine.all_gather(upper as u64).iter().sum::<u64>() as usize
+}
+
+fn solver_summary([solves, iterations]: [u64; 2]) -> SolverSummary {
+    SolverSummary {
+        linear: "PETSc".to_owned(),
+        linear_reason: "the run is over ranks".to_owned(),
+        preconditioner: None,
+        linear_iterations: iterations as usize,
+        linear_solves: solves as usize,
+        factorizations: 0,
+        tangents: solves as usize,
+        gradients: 0,
+    }
+}

@@ -1,0 +1,228 @@
+//! What load steps over ranks leave: sums over all ranks, which rank 0 writes.
+
+use piola_mechanics::energy::{Energy as _, EnergyParts, Total};
+use piola_mechanics::interaction::Inverted;
+use piola_output::picture::{Charts, NamedPoints, Picture};
+use piola_output::pvd::FrameSeries;
+use piola_output::summary::{PhaseClock, SolverSummary, step_summaries};
+use piola_output::{Definiteness, History, OutputError, OutputFile, OutputFolder, Points, table};
+use piola_petsc::Engine;
+
+use super::share::Share;
+use super::slab::Slab;
+use super::steps::Found;
+use crate::case::Case;
+use crate::scene::selection::{PointSet, Selection};
+use crate::simulation::run::{Ending, RunOptions, frame, summary};
+
+/// What every rank sums up of an equilibrium: for all of the body, on all ranks the same.
+pub(super) struct Sums {
+    /// In J, part by part.
+    parts: Vec<f64>,
+    /// Of each set `d` numbers: `dE/du` less loads, `dE/du`, in N; the mean displacement in m.
+    sets: [Vec<Vec<f64>>; 3],
+    /// Of each probe its displacement in m.
+    probes: Vec<Vec<f64>>,
+}
+
+impl Sums {
+    /// Those of the last evaluation; nothing where an energy is not finite. Collective.
+    pub(super) fn of(
+        engine: &Engine,
+        energy: &Total<'_>,
+        (slab, share): (&Slab<'_>, &Share),
+        (case, selection): (&Case, &Selection),
+    ) -> Sums {
+        let (d, own) = (case.body.dimension(), &share.own);
+        let at = |point: usize| (point - own.start) * d;
+        let (forces, loads) = (slab.own_forces(), slab.loads());
+        let inner = share.own_of_held();
+        let u = &slab.local()[inner.start * d..inner.end * d];
+        let mut numbers = Vec::new();
+        let mut shares = vec![0.0; share.held.len()];
+        for part in 0..energy.parts().len() {
+            let known = energy.shares_of(part, slab.local(), &mut shares);
+            let sum = shares[inner.clone()].iter().fold(0.0, |sum, share| sum + share);
+            numbers.push(if known.is_ok() { sum } else { f64::NAN });
+        }
+        let volumes = case.body.volumes();
+        let of_point: [&dyn Fn(usize, usize, &PointSet) -> f64; 3] = [
+            &|point, axis, _| forces[at(point) + axis] - loads[at(point) + axis],
+            &|point, axis, _| forces[at(point) + axis],
+            &|point, axis, set| volumes[point] * u[at(point) + axis] / set.volume,
+        ];
+        for of_point in of_point {
+            for set in &selection.sets {
+                let mine = || set.points.iter().filter(|point| own.contains(point));
+                numbers.extend(
+                    (0..d).map(|axis| {
+                        mine().fold(0.0, |sum, point| sum + of_point(*point, axis, set))
+                    }),
+                );
+            }
+        }
+        for probe in &selection.probes {
+            let is_mine = own.contains(&probe.point);
+            numbers
+                .extend((0..d).map(|axis| if is_mine { u[at(probe.point) + axis] } else { 0.0 }));
+        }
+        engine.sum(&mut numbers);
+        let mut rest = numbers.into_iter();
+        let parts = rest.by_ref().take(energy.parts().len()).collect();
+        let mut rows = |n: usize| -> Vec<Vec<f64>> {
+            (0..n).map(|_| rest.by_ref().take(d).collect()).collect()
+        };
+        let sets = [(); 3].map(|()| rows(selection.sets.len()));
+        Sums { parts, sets, probes: rows(selection.probes.len()) }
+    }
+}
+
+/// Own numbers of all ranks, one behind the other, on rank 0: a vector in the body's order. Collective.
+pub(super) fn gathered(engine: &Engine, own: &[f64]) -> Option<Vec<f64>> {
+    let bytes: Vec<u8> = own.iter().flat_map(|x| x.to_le_bytes()).collect();
+    let all = engine.gather(&bytes)?;
+    let numbers = |bytes: &Vec<u8>| -> Vec<f64> {
+        let eights = bytes.chunks_exact(8);
+        eights.filter_map(|eight| Some(f64::from_le_bytes(eight.try_into().ok()?))).collect()
+    };
+    Some(all.iter().flat_map(numbers).collect())
+}
+
+/// Writes what the steps bring: on rank 0.
+pub(super) struct Recorder<'a> {
+    case: &'a Case,
+    selection: &'a Selection,
+    folder: &'a OutputFolder,
+    points: &'a Points,
+    frames: FrameSeries<'a>,
+    history: History,
+    nominal: usize,
+    framed: usize,
+    last: Option<piola_output::Frame>,
+}
+
+impl<'a> Recorder<'a> {
+    /// With the body at rest as its first frame.
+    pub(super) fn new(
+        (case, selection): (&'a Case, &'a Selection),
+        parts: &[String],
+        folder: &'a OutputFolder,
+        points: &'a Points,
+    ) -> Result<Recorder<'a>, OutputError> {
+        let mut frames = FrameSeries::new(folder, points)?;
+        let zero = vec![0.0; points.positions.len()];
+        frames.push(&frame(case, 0.0, &zero, &zero))?;
+        let sets = selection.sets.iter().map(|set| set.name.clone()).collect();
+        let probes = selection.probes.iter().map(|probe| probe.name.clone()).collect();
+        let mut history = History::new(case.body.dimension(), parts.to_vec(), sets, probes);
+        let given = &case.scene.prescriptions;
+        history.prescribed = (0..selection.sets.len())
+            .map(|set| given.iter().any(|given| given.set.value == set))
+            .collect();
+        let (nominal, framed, last) = (0, 0, None);
+        Ok(Recorder { case, selection, folder, points, frames, history, nominal, framed, last })
+    }
+
+    /// An equilibrium, with displacements in m and residuals in N of the whole body.
+    pub(super) fn record(
+        &mut self,
+        found: &Found,
+        sums: Sums,
+        residuals: &[[f64; 2]],
+        names: &std::sync::Arc<[String]>,
+        (u, residual): (&[f64], &[f64]),
+    ) -> Result<(), OutputError> {
+        let Sums { parts, sets: [reactions, forces, moved], probes } = sums;
+        self.history.push(piola_output::StepRecord {
+            t: found.t,
+            iterations: found.iterations,
+            residual: residuals.iter().map(|one| one[0]).collect(),
+            residual_over_reaction: residuals.iter().map(|one| one[1]).collect(),
+            energy_parts: EnergyParts::new(names, parts),
+            reactions,
+            forces,
+            moved,
+            probes,
+            definiteness: Definiteness {
+                positive_definite: None,
+                method: "not asked: tangents are in parts".to_owned(),
+            },
+            condition: None,
+            inverted: Inverted::default(),
+            broken: None,
+        });
+        self.last = Some(frame(self.case, found.t, u, residual));
+        if found.nominal {
+            self.nominal += 1;
+            // Frames are spread evenly over the increments.
+            let (frames, all) = (self.case.scene.output.frames, self.case.scene.steps.increments);
+            let due = |step: usize| step * frames.min(all) / all;
+            if due(self.nominal) > due(self.nominal - 1) {
+                self.push_frame()?;
+            }
+        }
+        table::write_history(self.folder, &self.history)
+    }
+
+    fn push_frame(&mut self) -> Result<(), OutputError> {
+        self.framed = self.history.steps.len();
+        self.last.as_ref().map_or(Ok(()), |last| self.frames.push(last))
+    }
+
+    /// How many equilibria there are.
+    pub(super) fn steps(&self) -> usize {
+        self.history.steps.len()
+    }
+
+    /// The last frame, displacements, summary and picture.
+    pub(super) fn finish(
+        mut self,
+        energy: &Total<'_>,
+        (ending, options): (&Ending, RunOptions<'_>),
+        (solver, bonds): (SolverSummary, usize),
+        (resolved, mut clock): (&str, PhaseClock),
+    ) -> Result<(), OutputError> {
+        if self.framed < self.steps() && self.case.scene.output.frames > 0 {
+            self.push_frame()?;
+        }
+        if self.history.steps.is_empty() {
+            table::write_history(self.folder, &self.history)?;
+        }
+        let zero = vec![0.0; self.points.positions.len()];
+        let last = self.last.take().unwrap_or_else(|| frame(self.case, 0.0, &zero, &zero));
+        table::write_displacement(self.folder, self.points, &last.displacement)?;
+        let title = options.title;
+        let mut summary = summary(self.case, energy, (ending, options), resolved, &mut clock);
+        // Those of rank 0 are not all of them.
+        summary.interactions =
+            piola_output::summary::InteractionCounts { bonds, ..Default::default() };
+        summary.solver = Some(solver);
+        summary.steps = step_summaries(&self.history);
+        summary.write(self.folder)?;
+        let number = |point: &usize| self.case.body.user_index()[*point] as usize;
+        let named = |set: &PointSet| NamedPoints {
+            name: set.name.clone(),
+            points: set.points.iter().map(number).collect(),
+        };
+        let sets: Vec<NamedPoints> = self.selection.sets.iter().map(named).collect();
+        let title = &self.case.headline(title, energy.parts());
+        let picture = Picture {
+            title,
+            points: self.points,
+            frame: &last,
+            sets: &sets,
+            colour: None,
+            charts: Charts::Steps(
+                &self.history,
+                self.case.scene.solver.tolerance,
+                "Newton iteration",
+            ),
+        };
+        picture.write(self.folder)
+    }
+
+    /// Keeps the scene as it is run.
+    pub(super) fn keep_scene(&self, resolved: &str) -> Result<(), OutputError> {
+        self.folder.write(OutputFile::ResolvedScene, resolved.as_bytes())
+    }
+}

@@ -29,6 +29,15 @@ pub(crate) fn has_c_compiler() -> bool {
     can_run(is_there, "there is no C compiler `cc`", "install one, on Debian gcc and libc6-dev")
 }
 
+/// Whether processes can be started that share a run by MPI.
+#[allow(dead_code)]
+#[track_caller]
+pub(crate) fn has_mpirun() -> bool {
+    let version = Command::new("mpirun").arg("--version").output();
+    let is_there = version.is_ok_and(|output| output.status.success());
+    can_run(is_there, "there is no `mpirun`", "install one, on Debian openmpi-bin")
+}
+
 /// Memory of this process in KiB as the system tells, by the name of a line of its status: `VmRSS`.
 #[allow(dead_code)]
 #[track_caller]

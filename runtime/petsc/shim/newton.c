@@ -207,7 +207,7 @@ static PetscErrorCode set_defaults(PiolaNewton *newton)
   PetscCall(SNESSetTolerances(newton->snes, 0, 0, 0, 50, 100000));
   PetscCall(SNESGetKSP(newton->snes, &newton->ksp));
   PetscCall(KSPSetType(newton->ksp, KSPFGMRES));
-  PetscCall(KSPSetTolerances(newton->ksp, 1e-8, PETSC_DEFAULT, PETSC_DEFAULT, 2000));
+  PetscCall(KSPSetTolerances(newton->ksp, 1e-8, 1e-50, 1e5, 2000));
   PetscCall(KSPGetPC(newton->ksp, &pc));
   PetscCall(PCSetType(pc, PCGAMG));
   PetscCall(SNESSetFromOptions(newton->snes));
@@ -312,9 +312,12 @@ int piola_newton_solve(PiolaNewton *newton, const PiolaCallbacks *callbacks, dou
 /* By the user's own tolerance, which Newton's method may have changed for its last step. */
 static PetscErrorCode solve_linear(PiolaNewton *newton)
 {
+  PetscReal absolute, worse;
+  PetscInt  most;
   PetscFunctionBegin;
   PetscCall(SNESKSPSetUseEW(newton->snes, PETSC_FALSE));
-  PetscCall(KSPSetTolerances(newton->ksp, newton->linear_tolerance, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT));
+  PetscCall(KSPGetTolerances(newton->ksp, NULL, &absolute, &worse, &most));
+  PetscCall(KSPSetTolerances(newton->ksp, newton->linear_tolerance, absolute, worse, most));
   PetscCall(KSPSetOperators(newton->ksp, newton->tangent, newton->tangent));
   PetscCall(KSPSolve(newton->ksp, newton->r, newton->x));
   PetscCall(SNESKSPSetUseEW(newton->snes, newton->adapts));

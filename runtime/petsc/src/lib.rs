@@ -3,18 +3,18 @@
 //!
 //! | item | does |
 //! |---|---|
-//! | [`Engine`] | starts and ends MPI and PETSc; what ranks tell each other |
-//! | [`Halo`] | brings the numbers of ghost points from their owners |
-//! | [`BlockRows`] | the pattern of a tangent: rows of owned points, columns of all |
-//! | [`Newton`] | solves a [`Problem`], or one linear system |
+//! | `Engine` | starts and ends MPI and PETSc; what ranks tell each other |
+//! | `Halo` | brings the numbers of ghost points from their owners |
+//! | `BlockRows` | the pattern of a tangent: rows of owned points, columns of all |
+//! | `Newton` | solves a `Problem`, or one linear system |
 //!
 //! A *rank* is one of the processes that `mpirun` starts. It owns a contiguous range of the points of a
 //! body; *ghosts* are points of other ranks that it needs. Functions marked *collective* return when all
 //! ranks have called them, and a run in which one does not stands still: errors that one rank finds are
-//! therefore made known to all ([`Engine::agree`]), here and by callers.
+//! therefore made known to all (`Engine::agree`), here and by callers.
 //!
-//! An [`EngineError`] that comes from PETSc itself may be known to one rank alone, as when its memory ends.
-//! Whoever gets one and cannot tell calls [`Engine::abort`].
+//! An `EngineError` that comes from PETSc itself may be known to one rank alone, as when its memory ends.
+//! Whoever gets one and cannot tell calls `Engine::abort`.
 //!
 //! Without the feature `petsc` the crate is empty, and needs neither PETSc nor MPI nor a C compiler.
 #![cfg(feature = "petsc")]

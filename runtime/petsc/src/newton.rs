@@ -142,10 +142,10 @@ impl<'e> Newton<'e> {
     ) -> Result<Outcome, EngineError> {
         self.is_whole()?;
         let result = self.raw.solve(problem, u).and_then(|solved| {
-            solved.or_else(|own| {
+            solved.map_err(|own| {
                 let failed = self.engine.agree(own.map_or(Ok(()), Err));
                 let unknown = || EngineError::new("a callback failed");
-                Err(failed.err().map_or_else(unknown, EngineError::from))
+                failed.err().map_or_else(unknown, EngineError::from)
             })
         });
         self.keep(result).map(outcome)

@@ -13,6 +13,7 @@ pub(crate) struct Springs {
     /// The owned points.
     pub(crate) own: Range<usize>,
     /// Points of others that bonds of owned points reach, ascending.
+    #[allow(dead_code)] // The serial solution has none.
     pub(crate) ghosts: Vec<u64>,
     /// Where the columns of each owned point begin; and all of them, ascending, with its own.
     pub(crate) starts: Vec<usize>,

@@ -161,8 +161,28 @@ pub(crate) fn printable(text: &str) -> String {
     text.chars().map(|c| if obeyed(c) { '\u{fffd}' } else { c }).collect()
 }
 
+/// Whether another process says what there is to say.
+#[cfg(feature = "petsc")]
+static SILENT: std::sync::atomic::AtomicBool = std::sync::atomic::AtomicBool::new(false);
+
+/// From now on nothing is said or logged: of many processes that find the same, one tells it.
+#[cfg(feature = "petsc")]
+pub(crate) fn fall_silent() {
+    SILENT.store(true, std::sync::atomic::Ordering::Relaxed);
+}
+
+fn is_silent() -> bool {
+    #[cfg(feature = "petsc")]
+    return SILENT.load(std::sync::atomic::Ordering::Relaxed);
+    #[cfg(not(feature = "petsc"))]
+    false
+}
+
 /// Writes to stderr, as it is.
 pub(crate) fn say(text: &str) {
+    if is_silent() {
+        return;
+    }
     if let Some(captured) = kept().as_mut() {
         captured.messages.push_str(text);
         return;
@@ -184,7 +204,7 @@ pub(crate) fn usage(error: &clap::Error) {
 /// A line that is no warning; silent with `--quiet`.
 pub(crate) fn tell(line: &str) {
     let line = format!("{line}\n");
-    if verbosity() > Verbosity::Quiet {
+    if verbosity() > Verbosity::Quiet || is_silent() {
         say(&line);
     } else {
         log(&line);

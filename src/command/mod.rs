@@ -19,6 +19,8 @@ mod moduli;
 mod new;
 mod picture;
 mod plan;
+#[cfg(feature = "petsc")]
+mod ranks;
 mod report;
 mod run;
 mod scene;

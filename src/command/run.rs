@@ -20,6 +20,10 @@ use crate::progress::Progress;
 use crate::render;
 
 pub(super) fn execute(arguments: &Run) -> Exit {
+    #[cfg(feature = "petsc")]
+    if arguments.petsc {
+        return super::ranks::execute(arguments);
+    }
     let task = match &arguments.resume {
         Some(folder) => resumed(folder, arguments),
         None => Ok(Task {
@@ -159,7 +163,12 @@ pub(super) fn title(scene: &Path) -> String {
         .unwrap_or_default()
 }
 
-fn report(case: &Case, ending: &Ending, folder: &OutputFolder, signal: Option<Signal>) -> Exit {
+pub(super) fn report(
+    case: &Case,
+    ending: &Ending,
+    folder: &OutputFolder,
+    signal: Option<Signal>,
+) -> Exit {
     if ending.indefinite > 0 {
         render::warning(&format!(
             "{} of {} equilibria are not stable: their tangent is not positive definite",

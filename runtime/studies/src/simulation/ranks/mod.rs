@@ -25,7 +25,7 @@ use piola_mechanics::interaction::Inverted;
 use piola_mechanics::weights::Weights;
 use piola_output::summary::{ExitReason, PhaseClock, SolverSummary};
 use piola_output::{OutputFolder, Points};
-use piola_petsc::Engine;
+pub use piola_petsc::Engine;
 use piola_solvers::Watch;
 use piola_solvers::steps::{Control, Find};
 

@@ -151,7 +151,7 @@ impl Engine {
     /// What PETSc reports.
     pub fn unused_options(&self) -> Result<Vec<String>, EngineError> {
         let names = self.running.unused_options()?;
-        // Those are of the engine, which asks for none of them late.
+        // Those are the engine's own.
         let own = ["no_signal_handler", "options_left", "skip_petscrc"];
         let foreign = names.into_iter().filter(|name| !own.contains(&name.as_str()));
         Ok(foreign.map(|name| format!("-{name}")).collect())

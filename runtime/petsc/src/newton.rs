@@ -80,6 +80,13 @@ pub struct LinearOutcome {
 /// with restart 100 to a relative residual of 1e-8; and algebraic multigrid that knows the rigid motions. All
 /// of it follows PETSc's options (`-snes_type`, `-ksp_type`, `-pc_type` and what belongs to them), but for the
 /// test of convergence, which is the problem's own: `-snes_atol`, `-snes_rtol` and `-snes_stol` do nothing.
+///
+/// On one rank a solution has the same bits in every run. On several, PETSc's multigrid adds what ranks send in
+/// the order in which it arrives, and the last digits differ from run to run; `-matptap_via backend`, which
+/// makes its coarse matrices more slowly, or another preconditioner (`-pc_type bjacobi`) keeps them.
+///
+/// Coarse spaces of multigrid are those of the first tangent (`-pc_gamg_reuse_interpolation false` finds them
+/// anew every time). A pattern that changes needs a new solver.
 pub struct Newton<'e> {
     raw: RawNewton,
     engine: &'e Engine,

@@ -124,6 +124,8 @@ pub(crate) fn wrong(engine: &Engine) -> Result<String, String> {
 /// `ln u = 0` at every point: from 5 the first step leads below zero, where there is no logarithm.
 struct Logarithms {
     outside: f64,
+    /// Whether this rank has no tangent.
+    stuck: bool,
 }
 
 impl Problem for Logarithms {
@@ -139,6 +141,9 @@ impl Problem for Logarithms {
     }
 
     fn tangent(&mut self, u: &[f64], blocks: &mut [f64]) -> Result<(), Refusal> {
+        if self.stuck {
+            return Err(Refusal::Outside);
+        }
         for (block, u) in blocks.iter_mut().zip(u) {
             *block = 1.0 / u;
         }
@@ -158,7 +163,7 @@ pub(crate) fn logarithms(engine: &Engine) -> Result<String, String> {
     let pattern = BlockRows { starts: (0..=n).collect(), columns: own.clone().collect() };
     let mut newton =
         Newton::new(engine, &bounds, &pattern, 1, &[]).map_err(|error| error.to_string())?;
-    let mut problem = Logarithms { outside: 0.0 };
+    let mut problem = Logarithms { outside: 0.0, stuck: false };
     let mut u: Vec<f64> = own.clone().map(|i| if i == 7 { 5.0 } else { 1.5 }).collect();
     let outcome = newton.solve(&mut problem, &mut u).map_err(|error| error.to_string())?;
     let mut lines = format!("converged {}\n", outcome.converged);
@@ -171,8 +176,12 @@ pub(crate) fn logarithms(engine: &Engine) -> Result<String, String> {
     let mut u: Vec<f64> = own.map(|i| if i == 7 { -1.0 } else { 1.5 }).collect();
     let outcome = newton.solve(&mut problem, &mut u).map_err(|error| error.to_string())?;
     writeln!(lines, "converged {}\nreason {}", outcome.converged, outcome.reason).unwrap();
-    // And what went wrong is over.
     u.fill(1.5);
+    problem.stuck = engine.rank() == 0;
+    let outcome = newton.solve(&mut problem, &mut u).map_err(|error| error.to_string())?;
+    writeln!(lines, "converged {}\nreason {}", outcome.converged, outcome.reason).unwrap();
+    // And what went wrong is over.
+    problem.stuck = false;
     let outcome = newton.solve(&mut problem, &mut u).map_err(|error| error.to_string())?;
     writeln!(lines, "converged {}", outcome.converged).unwrap();
     Ok(lines)

@@ -24,7 +24,7 @@ mod shim {
             .unwrap_or_else(|error| panic!("PETSc was not found: {REMEDY}\n{error}"));
         let mut build = cc::Build::new();
         let mut includes = petsc.include_paths;
-        // MPI's own compiler knows where MPI is; without it pkg-config is asked, for Open MPI and MPICH.
+        // Headers of PETSc refuse those of an MPI that it was not built with.
         let mpi =
             ["mpi-c", "ompi-c", "mpich", "mpi"].iter().find_map(|name| library(name, None).ok());
         match mpi {
@@ -52,8 +52,7 @@ mod shim {
         if let Some(oldest) = oldest {
             config.atleast_version(oldest);
         }
-        // Debian's flags for PETSc are of the kind that a package is built with, and not for us.
-        config.env_metadata(true).probe(name)
+        config.probe(name)
     }
 
     fn has_mpicc() -> bool {

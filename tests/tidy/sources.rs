@@ -26,6 +26,7 @@ const ARROWS: [(&str, &[&str]); 11] = [
             "piola-meshes",
             "piola-solvers",
             "piola-output",
+            "piola-petsc",
         ],
     ),
     (

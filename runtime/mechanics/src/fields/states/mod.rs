@@ -452,6 +452,19 @@ impl Energy for StateEnergy {
         Ok(())
     }
 
+    fn shares_of(&self, part: usize, u: &[f64], shares: &mut [f64]) -> Result<(), NonFinite> {
+        if self.names.len() == 1 {
+            return self.shares(u, shares);
+        }
+        let states = match self.body.dimension() {
+            2 => self.states::<2>(u, Order::Energy)?,
+            _ => self.states::<3>(u, Order::Energy)?,
+        };
+        let densities = [&states.points, &states.bonds][part].iter().zip(self.body.volumes());
+        shares.iter_mut().zip(densities).for_each(|(share, (psi, volume))| *share = psi * volume);
+        Ok(())
+    }
+
     fn virials(&self, u: &[f64], virials: &mut [f64]) -> Result<(), NonFinite> {
         assert_eq!(u.len(), self.body.positions().len(), "displacements are n x d");
         virials.fill(0.0);

@@ -310,6 +310,20 @@ impl Energy for VectorEnergy {
         Ok(())
     }
 
+    fn shares_of(&self, part: usize, u: &[f64], shares: &mut [f64]) -> Result<(), NonFinite> {
+        if self.names.len() == 1 {
+            return self.shares(u, shares);
+        }
+        let mut gathered = self.gathered.take(Gathered::default);
+        match self.dimension() {
+            2 => self.energies::<2>(u, &mut gathered, Sought::Energy)?,
+            _ => self.energies::<3>(u, &mut gathered, Sought::Energy)?,
+        };
+        let densities = [&gathered.points, &gathered.bonds][part].iter().zip(self.body.volumes());
+        shares.iter_mut().zip(densities).for_each(|(share, (psi, volume))| *share = psi * volume);
+        Ok(())
+    }
+
     fn virials(&self, u: &[f64], virials: &mut [f64]) -> Result<(), NonFinite> {
         assert_eq!(u.len(), self.body.positions().len(), "displacements are n x d");
         match self.dimension() {

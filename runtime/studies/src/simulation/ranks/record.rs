@@ -46,7 +46,8 @@ impl Sums {
             numbers.push(if known.is_ok() { sum } else { f64::NAN });
         }
         let volumes = case.body.volumes();
-        let of_point: [&dyn Fn(usize, usize, &PointSet) -> f64; 3] = [
+        type OfPoint<'f> = &'f dyn Fn(usize, usize, &PointSet) -> f64;
+        let of_point: [OfPoint<'_>; 3] = [
             &|point, axis, _| forces[at(point) + axis] - loads[at(point) + axis],
             &|point, axis, _| forces[at(point) + axis],
             &|point, axis, set| volumes[point] * u[at(point) + axis] / set.volume,

@@ -248,10 +248,8 @@ impl Problem for Slab<'_> {
     fn residual(&mut self, u: &[f64], r: &mut [f64]) -> Result<(), Refusal> {
         self.evaluate(u, false)?;
         for (k, dof) in self.own().enumerate() {
-            r[k] = match self.is_fixed[dof] {
-                true => u[k] - self.prescribed[dof],
-                false => self.forces[dof] - self.loads[k],
-            };
+            // What is prescribed is taken for what PETSc has there, which is that but for rounding.
+            r[k] = if self.is_fixed[dof] { 0.0 } else { self.forces[dof] - self.loads[k] };
         }
         Ok(())
     }

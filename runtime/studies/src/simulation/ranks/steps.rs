@@ -52,7 +52,7 @@ impl LoadSteps<'_, '_> {
         t: f64,
         see: &mut dyn FnMut(&mut Self, Found) -> Result<(), RunError>,
     ) -> Result<Result<(), NotFound>, RunError> {
-        let shortest = (t - self.t) * 0.5_f64.powi(HALVINGS as i32);
+        let shortest = (t - self.t) / f64::from(1_u32 << HALVINGS);
         let mut step = t - self.t;
         loop {
             let next = if step >= t - self.t { t } else { self.t + step };

@@ -1,0 +1,275 @@
+//! Scenes over many processes, against the same scenes by one: with the feature `petsc` and `mpirun`.
+
+#[path = "../support/mod.rs"]
+mod support;
+
+use std::os::unix::process::CommandExt as _;
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::sync::{Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+use support::{Outcome, SceneFolder, command, json_file, piola, repository, table};
+
+/// One run at a time has the cores.
+static TURN: Mutex<()> = Mutex::new(());
+
+/// Longest time of a run: what goes wrong between processes stands still.
+const LIMIT: Duration = Duration::from_secs(120);
+
+/// Of the largest number: displacements and reactions, and energies.
+const VECTORS: f64 = 1e-10;
+const ENERGIES: f64 = 1e-12;
+
+fn signal(name: &str, process: &str) {
+    let _ = Command::new("kill").args([name, "--", process]).status();
+}
+
+/// `piola` with these words on so many ranks.
+fn start(ranks: usize, words: &[&str]) -> Child {
+    let own = command(words);
+    let mut command = Command::new("mpirun");
+    command.args(["-n", &ranks.to_string()]).arg(own.get_program()).args(own.get_args());
+    // More ranks than cores, also for root in a container.
+    for (name, value) in [
+        ("OMPI_ALLOW_RUN_AS_ROOT", "1"),
+        ("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1"),
+        ("OMPI_MCA_rmaps_base_oversubscribe", "1"),
+        ("OMPI_MCA_hwloc_base_binding_policy", "none"),
+        ("OMPI_MCA_mpi_yield_when_idle", "1"),
+        ("PRTE_MCA_rmaps_default_mapping_policy", ":oversubscribe"),
+    ] {
+        command.env(name, value);
+    }
+    command.env_remove("PETSC_OPTIONS").current_dir(env!("CARGO_MANIFEST_DIR")).process_group(0);
+    command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    command.spawn().expect("mpirun starts: apt-get install openmpi-bin petsc-dev")
+}
+
+/// What it left, once it has ended; it fails the test where that takes too long.
+#[track_caller]
+fn end(mut child: Child) -> Outcome {
+    let since = Instant::now();
+    while child.try_wait().unwrap().is_none() {
+        if since.elapsed() > LIMIT {
+            signal("-KILL", &format!("-{}", child.id()));
+            panic!("the run stood still: {:?}", child.wait_with_output());
+        }
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    let output = child.wait_with_output().unwrap();
+    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+    Outcome {
+        code: output.status.code().unwrap_or(-1),
+        stdout: text(&output.stdout),
+        stderr: text(&output.stderr),
+    }
+}
+
+#[track_caller]
+fn on_ranks(ranks: usize, words: &[&str]) -> Outcome {
+    let _turn = TURN.lock().unwrap_or_else(PoisonError::into_inner);
+    end(start(ranks, words))
+}
+
+/// The largest difference of two tables over the largest number beside `t` in the first of them.
+#[track_caller]
+fn difference(one: &Path, other: &Path, file: &str) -> f64 {
+    let ((names, rows), (others, found)) = (table(&one.join(file)), table(&other.join(file)));
+    assert_eq!((names, rows.len()), (others, found.len()), "{file}");
+    let largest = rows.iter().flat_map(|row| &row[1..]).fold(0.0_f64, |most, x| most.max(x.abs()));
+    let pairs = rows.iter().flatten().zip(found.iter().flatten());
+    pairs.fold(0.0_f64, |most, (x, y)| most.max((x - y).abs())) / largest
+}
+
+/// Runs a scene by one process and on 1 to 4 ranks.
+#[track_caller]
+fn check_alike(name: &str, scene: &str, more: &[&str]) {
+    let folder = tempfile::tempdir().unwrap();
+    let out = |name: &str| folder.path().join(name);
+    let run = |out: &Path, more: &[&str]| -> Vec<String> {
+        let all = ["run", scene, "-o", out.to_str().unwrap(), "--set", "solver.tolerance=1e-12"];
+        all.iter().chain(more).map(|word| (*word).to_owned()).collect()
+    };
+    let one = out("one");
+    piola(&run(&one, more)).expect(0);
+    for ranks in 1..=4 {
+        let many = out(&ranks.to_string());
+        let words = run(&many, &[more, &["--petsc"]].concat());
+        let words: Vec<&str> = words.iter().map(String::as_str).collect();
+        on_ranks(ranks, &words).expect(0).says(&[&format!("on {ranks} rank")]);
+        let differences = [
+            ("displacement.csv", VECTORS),
+            ("reactions.csv", VECTORS),
+            ("probes.csv", VECTORS),
+            ("energy.csv", ENERGIES),
+        ];
+        for (file, bar) in differences {
+            if table(&one.join(file)).0.len() > 1 {
+                let found = difference(&one, &many, file);
+                assert!(found <= bar, "{name} on {ranks} ranks, {file}: {found:e}");
+            }
+        }
+        let [own, other] = [&one, &many].map(|out| json_file(&out.join("summary.json")));
+        for key in ["points", "scene_hash", "exit_reason"] {
+            assert_eq!(own[key], other[key], "{name}: {key}");
+        }
+        assert_eq!(own["interactions"]["bonds"], other["interactions"]["bonds"], "{name}");
+        assert!(many.join("picture.png").is_file() && many.join("run.pvd").is_file());
+    }
+}
+
+#[track_caller]
+fn check_example(name: &str, more: &[&str]) {
+    let scene = repository("examples").join(name).join("scene.toml");
+    check_alike(name, scene.to_str().unwrap(), more);
+}
+
+#[test]
+fn bonds_of_two_materials_that_warm_up() {
+    check_example("bimetal", &[]);
+}
+
+#[test]
+fn bonds_beside_deformation_gradients() {
+    check_example("bonds_beside_F", &["--set", "steps.increments=2"]);
+}
+
+#[test]
+fn angles_between_bonds() {
+    check_example("cork", &["--set", "steps.increments=2"]);
+}
+
+#[test]
+fn bonds_that_are_corrected_at_faces() {
+    check_example("cantilever", &[]);
+}
+
+#[test]
+fn tensors_that_points_gather() {
+    check_example("correspondence_as_text", &[]);
+}
+
+#[test]
+fn areas_and_volumes() {
+    let more = ["--set", "steps.increments=2", "--set", "steps.end=0.2"];
+    check_example("cube_C1_C3", &more);
+    check_example("cube_C1_C2", &more);
+}
+
+/// A plate under a load whose clamp lets go of nothing; what differs are its energies.
+fn plate(rest: &str) -> SceneFolder {
+    SceneFolder::new(&format!(
+        "[body]\nbox = [[0, 0], [1, 0.5]]\nspacing = 0.0625\n[horizon]\nspacings = 2.1\n{rest}\
+         [sets]\nleft = \"X < 0.06\"\nright = \"X > 0.94\"\n[[prescribe]]\nset = \"left\"\nu = [0, 0]\n\
+         [[load]]\nset = \"right\"\nforce = [\"1e-3*t\", \"-2e-4*t\"]\n\
+         [[probe]]\nname = \"tip\"\nat = [1, 0.25]\n[steps]\nincrements = 2\n"
+    ))
+}
+
+#[test]
+fn deformation_gradients_in_every_discretisation() {
+    for discretisation in ["nodal", "stabilised", "bond-quadrature"] {
+        let scene = plate(&format!(
+            "[material]\npotential = \"neo_hooke\"\nparameters = {{ mu = 1.0, lambda = 1.0 }}\n\
+             [correspondence]\ndiscretisation = \"{discretisation}\"\n"
+        ));
+        check_alike(discretisation, &scene.scene(), &[]);
+    }
+}
+
+#[test]
+fn what_families_gather() {
+    let scene = plate(
+        "[material]\npotential = \"linear_peridynamic_solid\"\nparameters = { K = 1.0, G = 0.5 }\n",
+    );
+    check_alike("linear_peridynamic_solid", &scene.scene(), &[]);
+}
+
+/// Points that are no lattice, with a column that a parameter takes.
+#[test]
+fn a_cloud_with_columns() {
+    let scene = SceneFolder::new(
+        "[body]\ndimension = 2\npoints = \"points.csv\"\n[horizon]\nradius = 0.25\n\
+         [material]\npotential = \"javili2020\"\nparameters = { C1 = \"stiff\" }\n\
+         [sets]\nlow = \"Y < 0.15\"\nhigh = \"Y > 1.85\"\n[[prescribe]]\nset = \"low\"\nu = [0, 0]\n\
+         [[prescribe]]\nset = \"high\"\nu = [\"0.02*t\", \"0.1*t\"]\n[steps]\nincrements = 2\n",
+    );
+    let mut random = support::Random(7);
+    let mut points = "x,y,volume,stiff\n".to_owned();
+    for k in 0..200 {
+        let [dx, dy] = [random.next(), random.next()].map(|x| 0.02 * x);
+        let (x, y) = (0.1 * f64::from(k % 10) + dx, 0.1 * f64::from(k / 10) + dy);
+        points += &format!("{x},{y},{},{}\n", 0.01 * (1.0 + dx), 1.0 + y);
+    }
+    scene.file("points.csv", points);
+    check_alike("cloud", &scene.scene(), &[]);
+}
+
+#[test]
+fn what_cannot_be_run_so_is_told_once() {
+    let said = |ranks: usize, scene: &SceneFolder, options: &[&str], code: i32| {
+        let (file, out) = (scene.scene(), scene.path("out"));
+        let words = [&["run", &file, "-o", &out, "--force", "--petsc"][..], options].concat();
+        on_ranks(ranks, &words).expect(code).stderr
+    };
+    let once = |text: &str, words: &str| {
+        assert_eq!(text.matches(words).count(), 1, "{words}: {text}");
+    };
+    let material = "[material]\npotential = \"javili2020\"\nparameters = { C1 = 1 }\n";
+    let scene = plate(material);
+    once(&said(2, &scene, &["--", "-ksp_tpye", "cg"], 0), "-ksp_tpye");
+    let wrong = said(2, &scene, &["--", "-pc_type", "nonsense"], 2);
+    assert!(wrong.contains("nonsense"), "{wrong}");
+    let text = std::fs::read_to_string(scene.scene()).unwrap();
+    let scene = |text: String| SceneFolder::new(&text);
+    let typo = scene(text.replace("spacings", "spacngs"));
+    once(&said(2, &typo, &[], 2), "[unknown-key]");
+    let two = scene(
+        text.replace("[[0, 0], [1, 0.5]]", "[[0, 0], [0.125, 0.0625]]").replace("0.94", "0.07"),
+    );
+    once(&said(3, &two, &[], 2), "the body has 2 points, too few for 3 ranks");
+    assert!(!two.out().exists(), "nothing was begun");
+    let moving =
+        text.replace("[steps]\nincrements = 2", "[motion]\nend = 1").replace("C1 = 1", "C1 = 1");
+    let moving = scene(moving.replace("[material]\n", "[material]\ndensity = 1\n"));
+    once(&said(2, &moving, &[], 2), "leave --petsc out");
+    // Too far for any step.
+    let far = scene(
+        text.replace("1e-3*t", "1e9*t").replace("javili2020", "far.piola").replace("C1", "C"),
+    );
+    far.file(
+        "far.piola",
+        "potential far\nparameter C = 1, C > 0\npsi(l) = C*L*(ln(l/L)^2)*exp(-l/L)\n",
+    );
+    let text = said(2, &far, &["--", "-snes_max_it", "5"], 3);
+    assert!(text.contains("no equilibrium at t = "), "{text}");
+}
+
+/// The others end with it, and nothing is half written.
+#[test]
+fn a_rank_that_is_killed_ends_the_run() {
+    let _turn = TURN.lock().unwrap_or_else(PoisonError::into_inner);
+    let scene = plate("[material]\npotential = \"javili2020\"\nparameters = { C1 = 1 }\n");
+    let text = std::fs::read_to_string(scene.scene()).unwrap();
+    scene.file("scene.toml", text.replace("increments = 2", "increments = 100000"));
+    let child = start(3, &["run", &scene.scene(), "-o", &scene.path("out"), "--petsc"]);
+    let since = Instant::now();
+    while !scene.out().join("energy.csv").exists() {
+        assert!(since.elapsed() < LIMIT, "it begins");
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    // One of the processes whose parent is mpirun.
+    let listed = Command::new("pgrep").args(["-P", &child.id().to_string()]).output().unwrap();
+    let listed = String::from_utf8_lossy(&listed.stdout).into_owned();
+    let rank = listed.lines().last().expect("a rank runs");
+    signal("-KILL", rank);
+    let outcome = end(child);
+    assert_ne!(outcome.code, 0, "{}", outcome.stderr);
+    let (names, rows) = table(&scene.out().join("energy.csv"));
+    assert!(!rows.is_empty() && rows.iter().all(|row| row.len() == names.len()));
+    let partial = std::fs::read_dir(scene.out())
+        .unwrap()
+        .filter(|entry| entry.as_ref().unwrap().file_name().to_string_lossy().contains("tmp"));
+    assert!(partial.count() <= 1, "at most the file that was being written");
+}

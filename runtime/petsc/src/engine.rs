@@ -151,9 +151,8 @@ impl Engine {
     /// What PETSc reports.
     pub fn unused_options(&self) -> Result<Vec<String>, EngineError> {
         let names = self.running.unused_options()?;
-        // Those are the engine's own.
-        let own = ["no_signal_handler", "options_left", "skip_petscrc"];
-        let foreign = names.into_iter().filter(|name| !own.contains(&name.as_str()));
+        // The engine's own, which PETSc reads at its end.
+        let foreign = names.into_iter().filter(|name| name != "options_left");
         Ok(foreign.map(|name| format!("-{name}")).collect())
     }
 }

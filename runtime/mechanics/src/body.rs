@@ -19,6 +19,8 @@ pub struct Body {
     user_index: Vec<u32>,
     /// The axis along which the points are sorted.
     sorted_axis: usize,
+    /// The largest number of neighbours of a point, where this is a slab of a body that knows it.
+    most_neighbors: Option<usize>,
 }
 
 impl Body {
@@ -50,6 +52,7 @@ impl Body {
             spacing,
             user_index,
             sorted_axis,
+            most_neighbors: None,
         }
     }
 
@@ -68,6 +71,16 @@ impl Body {
             user_index,
             ..*self
         }
+    }
+
+    /// The same, of a body of which no point has more neighbours than these.
+    pub fn with_most_neighbors(self, most: usize) -> Body {
+        Body { most_neighbors: Some(most), ..self }
+    }
+
+    /// The largest number of neighbours of a point of the body that this is a slab of; nothing where it is whole.
+    pub(crate) fn most_neighbors(&self) -> Option<usize> {
+        self.most_neighbors
     }
 
     /// 2 or 3.

@@ -183,7 +183,9 @@ impl Weights {
                 Ok(CliqueWeights::Product { factor: permutations * whole, shares })
             }
             Weights::Truncated => {
-                let most = census.neighbors.iter().copied().max().unwrap_or(1).max(1) as f64;
+                let most = || census.neighbors.iter().copied().max().unwrap_or(1);
+                let most =
+                    body.most_neighbors().map_or_else(most, |most| most as u64).max(1) as f64;
                 let counts = counts(measure, census);
                 let share = |point: usize| {
                     let part = census.neighbors[point] as f64 / most;

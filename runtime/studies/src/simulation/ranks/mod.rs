@@ -19,9 +19,12 @@ mod share;
 mod slab;
 mod steps;
 
+use std::sync::Arc;
+
 use piola_grammar::counted;
 use piola_mechanics::energy::{Energy as _, Total};
 use piola_mechanics::interaction::Inverted;
+use piola_mechanics::neighborhood::Neighborhood;
 use piola_mechanics::weights::Weights;
 use piola_output::summary::{ExitReason, PhaseClock, SolverSummary};
 use piola_output::{OutputFolder, Points};
@@ -61,7 +64,7 @@ pub fn run(
     let held =
         BoundaryConditions::new(&case.scene, &case.body, &selection).map_err(CaseError::from)?;
     let share = Share::of(&case.body, reach(case), (engine.rank(), engine.ranks()));
-    let part = case.part(share.held.clone());
+    let part = part_of(case, engine, &share)?;
     let own_selection = selection_of(&selection, &share);
     let (energy, fields) =
         agreed(engine, part.solved_energy(compiled).map_err(|error| error.to_string()))?;
@@ -170,11 +173,6 @@ fn refuse(case: &Case, engine: &Engine) -> Result<(), CaseError> {
             scene.steps.find != Find::Newton || scene.steps.control != Control::Load,
             "over ranks equilibria are found by Newton's method at given loads: leave `find` and `control` out of [steps]",
         ),
-        (
-            scene.horizon.weights == Weights::Truncated,
-            "weights = \"truncated\" compare a point's family with the largest of the body, which no rank knows: take \
-             \"uniform\" or \"volumes\"",
-        ),
     ];
     if let Some((_, message)) = cannot.iter().find(|(is_so, _)| *is_so) {
         return Err(CaseError::Body { message: (*message).to_string() });
@@ -186,6 +184,21 @@ fn refuse(case: &Case, engine: &Engine) -> Result<(), CaseError> {
         return Err(CaseError::Body { message });
     }
     Ok(())
+}
+
+/// The part of a case that a rank holds. Where weights compare a point's family with the largest of the body, it knows
+/// that, too. Collective.
+fn part_of(case: &Case, engine: &Engine, share: &Share) -> Result<Case, RunError> {
+    let mut part = case.part(share.held.clone());
+    if case.scene.horizon.weights == Weights::Truncated {
+        let found = Neighborhood::new(&part.body, case.scene.horizon_radius());
+        let found = agreed(engine, found.map_err(|error| error.to_string()))?;
+        let most = share.own_of_held().map(|point| found.row(point).len()).max();
+        let most = engine.all_gather(most.unwrap_or(0) as u64).into_iter().max();
+        let body = case.body.part(share.held.clone());
+        part.body = Arc::new(body.with_most_neighbors(most.unwrap_or(0) as usize));
+    }
+    Ok(part)
 }
 
 /// What of sets and probes a rank holds, with the volumes of whole sets.

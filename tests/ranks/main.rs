@@ -9,6 +9,7 @@ use std::process::{Child, Command, Stdio};
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
+use support::frames::read_vtu;
 use support::{Outcome, SceneFolder, command, json_file, piola, repository, table};
 
 /// One run at a time has the cores.
@@ -72,14 +73,20 @@ fn on_ranks(ranks: usize, words: &[&str]) -> Outcome {
     end(start(ranks, words))
 }
 
-/// The largest difference of two tables over the largest number beside `t` in the first of them.
+/// The largest difference of two tables over the largest number in the first of them, where points stand and `t`
+/// apart.
 #[track_caller]
 fn difference(one: &Path, other: &Path, file: &str) -> f64 {
     let ((names, rows), (others, found)) = (table(&one.join(file)), table(&other.join(file)));
-    assert_eq!((names, rows.len()), (others, found.len()), "{file}");
-    let largest = rows.iter().flat_map(|row| &row[1..]).fold(0.0_f64, |most, x| most.max(x.abs()));
-    let pairs = rows.iter().flatten().zip(found.iter().flatten());
-    pairs.fold(0.0_f64, |most, (x, y)| most.max((x - y).abs())) / largest
+    assert_eq!((&names, rows.len()), (&others, found.len()), "{file}");
+    let counts = |column: &usize| !["t", "X", "Y", "Z"].contains(&names[*column].as_str());
+    let columns: Vec<usize> = (0..names.len()).filter(counts).collect();
+    let numbers = |rows: &[Vec<f64>]| -> Vec<f64> {
+        rows.iter().flat_map(|row| columns.iter().map(|column| row[*column])).collect()
+    };
+    let (one, other) = (numbers(&rows), numbers(&found));
+    let largest = one.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+    one.iter().zip(&other).fold(0.0_f64, |most, (x, y)| most.max((x - y).abs())) / largest
 }
 
 /// Runs a scene by one process and on 1 to 4 ranks.
@@ -184,6 +191,40 @@ fn what_families_gather() {
         "[material]\npotential = \"linear_peridynamic_solid\"\nparameters = { K = 1.0, G = 0.5 }\n",
     );
     check_alike("linear_peridynamic_solid", &scene.scene(), &[]);
+}
+
+/// What frames show of points is what one process shows.
+#[test]
+fn fields_of_frames() {
+    let scene = plate(
+        "[material]\npotential = \"neo_hooke\"\nparameters = { mu = 1.0, lambda = 1.0 }\n[output]\n\
+         fields = [\"energy_density\", \"strain\", \"stress\", \"von_mises\", \"neighbours\", \"sets\"]\n\
+         colour = \"von_mises\"\n",
+    );
+    piola(&["run", &scene.scene(), "-o", &scene.path("one")]).expect(0);
+    let (file, many) = (scene.scene(), scene.path("many"));
+    on_ranks(3, &["run", &file, "-o", &many, "--petsc"]).expect(0);
+    for frame in ["frames/frame_000001.vtu", "frames/frame_000002.vtu"] {
+        let [one, many] =
+            ["one", "many"].map(|out| read_vtu(&Path::new(&scene.path(out)).join(frame)).unwrap());
+        let names = [
+            "energy_density",
+            "strain",
+            "stress",
+            "von_mises",
+            "neighbours",
+            "set left",
+            "residual",
+        ];
+        for name in names {
+            let [one, many] = [&one, &many].map(|frame| &frame.array(name).unwrap().values);
+            let largest = one.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+            assert_eq!(one.len(), many.len());
+            for (x, y) in one.iter().zip(many) {
+                assert!((x - y).abs() <= 1e-9 * largest, "{name}: {x} {y}");
+            }
+        }
+    }
 }
 
 /// Points that are no lattice, with a column that a parameter takes.

@@ -357,3 +357,27 @@ fn virials_are_derivatives_of_the_energies_of_points() {
         }
     }
 }
+
+/// Of every part of an energy, the shares of points sum to it, and the parts to the shares of all.
+#[test]
+fn shares_of_points_come_by_parts() {
+    for kind in &KINDS {
+        let case = kind.of("\"2 + X\"");
+        let energy = case.energy(case.compile().unwrap()).unwrap();
+        let n = case.body.n_points();
+        let u = displacement(&case, 0.02);
+        let whole = energy.energy(&u).unwrap();
+        let (mut shares, mut sums) = (vec![0.0; n], vec![0.0; n]);
+        for (part, (name, value)) in whole.iter().enumerate() {
+            energy.shares_of(part, &u, &mut shares).unwrap();
+            let sum = shares.iter().fold(0.0, |sum, share| sum + share);
+            let off = (sum - value).abs();
+            assert!(off <= 1e-12 * whole.magnitude(), "{}, {name}: {sum} {value}", kind.name);
+            sums.iter_mut().zip(&shares).for_each(|(sum, share)| *sum += share);
+        }
+        energy.shares(&u, &mut shares).unwrap();
+        let largest = shares.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+        let near = |(sum, share): (&f64, &f64)| (sum - share).abs() <= 1e-13 * largest;
+        assert!(sums.iter().zip(&shares).all(near), "{}", kind.name);
+    }
+}

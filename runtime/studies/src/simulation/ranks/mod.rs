@@ -32,11 +32,12 @@ pub use piola_petsc::Engine;
 use piola_solvers::Watch;
 use piola_solvers::steps::{Control, Find};
 
+use super::point_fields::PointFields;
 use super::run::{Ending, RunError, RunOptions, enter};
 use crate::case::{Case, CaseError};
 use crate::scene::boundary::BoundaryConditions;
 use crate::scene::selection::{PointSet, Selection};
-use record::{Recorder, Sums, gathered};
+use record::{Recorder, Shown, Sums, gathered};
 use share::{Share, reach};
 use slab::Slab;
 use steps::{Found, LoadSteps, agreed, lost};
@@ -105,11 +106,14 @@ pub fn run(
         let sums = Sums::of(engine, &energy, (steps.slab, &share), (case, &selection));
         let residual: Vec<f64> =
             steps.slab.own_forces().iter().zip(steps.slab.loads()).map(|(g, f)| g - f).collect();
+        let here =
+            PointFields { case: &part, energy: &energy, selection: &own_selection, masses: None };
+        let shown = Shown::of(engine, (here, &case.body), (steps.slab, &share));
         let (u, residual) = (gathered(engine, &steps.u), gathered(engine, &residual));
         let written = match (&mut recorder, u, residual) {
             (Some(recorder), Some(u), Some(residual)) => {
                 let residuals = &steps.slab.residuals;
-                recorder.record(&found, sums, residuals, energy.parts(), (&u, &residual))
+                recorder.record(&found, sums, residuals, energy.parts(), (&u, &residual, shown))
             }
             _ => Ok(()),
         };

@@ -1,11 +1,14 @@
 //! What load steps over ranks leave: sums over all ranks, which rank 0 writes.
 
+use piola_mechanics::body::Body;
 use piola_mechanics::energy::{Energy as _, EnergyParts, Total};
 use piola_mechanics::interaction::Inverted;
-use piola_output::picture::{Charts, NamedPoints, Picture};
+use piola_output::picture::{Charts, Colour, NamedPoints, Picture};
 use piola_output::pvd::FrameSeries;
-use piola_output::summary::{PhaseClock, SolverSummary, step_summaries};
-use piola_output::{Definiteness, History, OutputError, OutputFile, OutputFolder, Points, table};
+use piola_output::summary::{InteractionCounts, PhaseClock, SolverSummary, step_summaries};
+use piola_output::{
+    Definiteness, Frame, History, OutputError, OutputFile, OutputFolder, PointField, Points, table,
+};
 use piola_petsc::Engine;
 
 use super::share::Share;
@@ -13,6 +16,7 @@ use super::slab::Slab;
 use super::steps::Found;
 use crate::case::Case;
 use crate::scene::selection::{PointSet, Selection};
+use crate::simulation::point_fields::PointFields;
 use crate::simulation::run::{Ending, RunOptions, frame, summary};
 
 /// What every rank sums up of an equilibrium: for all of the body, on all ranks the same.
@@ -89,6 +93,44 @@ pub(super) fn gathered(engine: &Engine, own: &[f64]) -> Option<Vec<f64>> {
     Some(all.iter().flat_map(numbers).collect())
 }
 
+/// What a frame shows of points beside displacements and residuals, on rank 0 of the whole body.
+#[derive(Default)]
+pub(super) struct Shown {
+    fields: Vec<PointField>,
+    colour: Option<Colour>,
+}
+
+impl Shown {
+    /// Those of the last evaluation, worked out by `here` from what a rank holds; `body` is the whole one. Collective.
+    pub(super) fn of(
+        engine: &Engine,
+        (here, body): (PointFields<'_>, &Body),
+        (slab, share): (&Slab<'_>, &Share),
+    ) -> Shown {
+        let (held, d, own) = (&here.case.body, body.dimension(), share.own_of_held());
+        let mut residual = vec![0.0; slab.local().len()];
+        let own_residual = slab.own_forces().iter().zip(slab.loads()).map(|(g, f)| g - f);
+        residual[own.start * d..own.end * d].iter_mut().zip(own_residual).for_each(|(r, x)| *r = x);
+        let mut now = Frame::of(held, 0.0, slab.local(), &residual);
+        here.fill(&mut now);
+        let whole = |values: &[f64], components: usize| -> Vec<f64> {
+            let all = held.from_user_order(values, components);
+            let mine = &all[own.start * components..own.end * components];
+            let all = gathered(engine, mine);
+            all.map_or_else(Vec::new, |all| body.to_user_order(&all, components))
+        };
+        let colour = here.colour(&now).map(|colour| {
+            let values = whole(&colour.values, 1);
+            Colour { values, ..colour }
+        });
+        let fields = now.fields.into_iter().map(|field| {
+            let values = whole(&field.values, field.components);
+            PointField { values, ..field }
+        });
+        Shown { fields: fields.collect(), colour }
+    }
+}
+
 /// Writes what the steps bring: on rank 0.
 pub(super) struct Recorder<'a> {
     case: &'a Case,
@@ -99,7 +141,7 @@ pub(super) struct Recorder<'a> {
     history: History,
     nominal: usize,
     framed: usize,
-    last: Option<piola_output::Frame>,
+    last: Option<(Frame, Option<Colour>)>,
 }
 
 impl<'a> Recorder<'a> {
@@ -131,7 +173,7 @@ impl<'a> Recorder<'a> {
         sums: Sums,
         residuals: &[[f64; 2]],
         names: &std::sync::Arc<[String]>,
-        (u, residual): (&[f64], &[f64]),
+        (u, residual, shown): (&[f64], &[f64], Shown),
     ) -> Result<(), OutputError> {
         let Sums { parts, sets: [reactions, forces, moved], probes } = sums;
         self.history.push(piola_output::StepRecord {
@@ -152,7 +194,9 @@ impl<'a> Recorder<'a> {
             inverted: Inverted::default(),
             broken: None,
         });
-        self.last = Some(frame(self.case, found.t, u, residual));
+        let mut now = frame(self.case, found.t, u, residual);
+        now.fields.extend(shown.fields);
+        self.last = Some((now, shown.colour));
         if found.nominal {
             self.nominal += 1;
             // Frames are spread evenly over the increments.
@@ -167,7 +211,7 @@ impl<'a> Recorder<'a> {
 
     fn push_frame(&mut self) -> Result<(), OutputError> {
         self.framed = self.history.steps.len();
-        self.last.as_ref().map_or(Ok(()), |last| self.frames.push(last))
+        self.last.as_ref().map_or(Ok(()), |last| self.frames.push(&last.0))
     }
 
     /// How many equilibria there are.
@@ -190,13 +234,14 @@ impl<'a> Recorder<'a> {
             table::write_history(self.folder, &self.history)?;
         }
         let zero = vec![0.0; self.points.positions.len()];
-        let last = self.last.take().unwrap_or_else(|| frame(self.case, 0.0, &zero, &zero));
+        let at_rest = || (frame(self.case, 0.0, &zero, &zero), None);
+        let (last, colour) = self.last.take().unwrap_or_else(at_rest);
         table::write_displacement(self.folder, self.points, &last.displacement)?;
         let title = options.title;
         let mut summary = summary(self.case, energy, (ending, options), resolved, &mut clock);
-        // Those of rank 0 are not all of them.
-        summary.interactions =
-            piola_output::summary::InteractionCounts { bonds, ..Default::default() };
+        // Those that rank 0 holds are not all of them.
+        summary.interactions = InteractionCounts { bonds, ..InteractionCounts::default() };
+        summary.dropped = InteractionCounts::default();
         summary.solver = Some(solver);
         summary.steps = step_summaries(&self.history);
         summary.write(self.folder)?;
@@ -212,7 +257,7 @@ impl<'a> Recorder<'a> {
             points: self.points,
             frame: &last,
             sets: &sets,
-            colour: None,
+            colour: colour.as_ref(),
             charts: Charts::Steps(
                 &self.history,
                 self.case.scene.solver.tolerance,

@@ -204,9 +204,9 @@ pub(crate) fn usage(error: &clap::Error) {
 /// A line that is no warning; silent with `--quiet`.
 pub(crate) fn tell(line: &str) {
     let line = format!("{line}\n");
-    if verbosity() > Verbosity::Quiet || is_silent() {
+    if verbosity() > Verbosity::Quiet {
         say(&line);
-    } else {
+    } else if !is_silent() {
         log(&line);
     }
 }

@@ -3,6 +3,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
+use piola_runtime::case::{Case, CaseError};
 use piola_runtime::output::OutputFolder;
 use piola_runtime::simulation::ranks::{self, Engine};
 use piola_runtime::simulation::{Origin, RunError, RunOptions};
@@ -30,8 +31,9 @@ pub(super) fn execute(arguments: &Run) -> Exit {
     }
     // MPI is called by the thread that started it, which is one of those that work.
     let pool = rayon::ThreadPoolBuilder::new().num_threads(arguments.threads.unwrap_or(1));
-    if let Err(error) = pool.use_current_thread().build_global() {
-        render::error(&format!("cannot start the threads: {error}"), None);
+    let built = pool.use_current_thread().build_global().map_err(|error| error.to_string());
+    if let Err(failure) = engine.agree(built) {
+        render::error(&format!("cannot start the threads: {}", failure.message), None);
         return Exit::Input;
     }
     let exit = solve(arguments, &engine);
@@ -46,15 +48,21 @@ fn solve(arguments: &Run, engine: &Engine) -> Exit {
         render::error("a run leaves files, and there is no folder for them", [help.as_str()]);
         return Exit::Input;
     };
-    // All processes read the same, and find the same wrong with it.
-    let Some(case) = scene::read(&scene_file, &arguments.settings) else { return Exit::Input };
-    let warnings = match scene::warnings(&case) {
-        Ok(warnings) => scene::print_warnings(&case, warnings),
-        Err(error) => {
-            scene::print_error(&error);
-            return Exit::Input;
-        }
+    let case = match read(&scene_file, arguments, engine) {
+        Ok(case) => case,
+        Err(exit) => return exit,
     };
+    let warnings = match agreed(engine, scene::warnings(&case)) {
+        Ok(warnings) => warnings,
+        Err(exit) => return exit,
+    };
+    let mut warnings = scene::print_warnings(&case, warnings);
+    if let Ok(plan) = case.plan(1) {
+        for note in plan.kernels.iter().filter(|note| !note.modelled) {
+            console::note(&note.reason);
+            warnings.push(note.reason.clone());
+        }
+    }
     let folder = match folder(out, arguments.force, engine) {
         Ok(folder) => folder,
         Err(exit) => return exit,
@@ -83,6 +91,34 @@ fn solve(arguments: &Run, engine: &Engine) -> Exit {
             Exit::Input
         }
     }
+}
+
+/// What all processes have; where one has not, it says why, or the first does in its place.
+fn agreed<T>(engine: &Engine, own: Result<T, CaseError>) -> Result<T, Exit> {
+    let told = engine.agree(own.as_ref().map(|_| ()).map_err(ToString::to_string));
+    match (told, own) {
+        (Ok(()), Ok(value)) => Ok(value),
+        (_, Err(error)) => {
+            scene::print_error(&error);
+            Err(Exit::Input)
+        }
+        (Err(failure), Ok(_)) => {
+            render::error(&format!("rank {}: {}", failure.rank, failure.message), None);
+            Err(Exit::Input)
+        }
+    }
+}
+
+/// The scene, which all processes read alike: a folder that some machine does not see, or not yet, ends them all.
+fn read(file: &Path, arguments: &Run, engine: &Engine) -> Result<Case, Exit> {
+    let case = agreed(engine, scene::try_read(file, &arguments.settings))?;
+    let hashes = engine.all_gather(ranks::hash(&case));
+    if let Some(rank) = hashes.iter().position(|hash| *hash != hashes[0]) {
+        let message = format!("rank {rank} reads another scene, potential or table than rank 0");
+        render::error(&message, Some("let all machines see one folder"));
+        return Err(Exit::Input);
+    }
+    Ok(case)
 }
 
 /// The folder of the results, which the first process makes.

@@ -28,9 +28,12 @@ fn signal(name: &str, process: &str) {
 
 /// `piola` with these words on so many ranks.
 fn start(ranks: usize, words: &[&str]) -> Child {
-    let own = command(words);
+    start_program(ranks, command(words).get_program().to_str().unwrap(), words)
+}
+
+fn start_program(ranks: usize, program: &str, words: &[&str]) -> Child {
     let mut command = Command::new("mpirun");
-    command.args(["-n", &ranks.to_string()]).arg(own.get_program()).args(own.get_args());
+    command.args(["-n", &ranks.to_string(), program]).args(words);
     // More ranks than cores, also for root in a container.
     for (name, value) in [
         ("OMPI_ALLOW_RUN_AS_ROOT", "1"),
@@ -109,6 +112,7 @@ fn check_alike(name: &str, scene: &str, more: &[&str]) {
             ("displacement.csv", VECTORS),
             ("reactions.csv", VECTORS),
             ("probes.csv", VECTORS),
+            ("force_displacement.csv", VECTORS),
             ("energy.csv", ENERGIES),
         ];
         for (file, bar) in differences {
@@ -118,9 +122,15 @@ fn check_alike(name: &str, scene: &str, more: &[&str]) {
             }
         }
         let [own, other] = [&one, &many].map(|out| json_file(&out.join("summary.json")));
-        for key in ["points", "scene_hash", "exit_reason"] {
+        for key in ["points", "scene_hash", "exit_reason", "title"] {
             assert_eq!(own[key], other[key], "{name}: {key}");
         }
+        let dropped = |summary: &serde_json::Value| -> Vec<String> {
+            let all = summary["warnings"].as_array().unwrap().iter();
+            let told = all.map(|one| one.as_str().unwrap().to_owned());
+            told.filter(|one| one.contains("is dropped")).collect()
+        };
+        assert_eq!(dropped(&own), dropped(&other), "{name}");
         assert_eq!(own["interactions"]["bonds"], other["interactions"]["bonds"], "{name}");
         assert!(many.join("picture.png").is_file() && many.join("run.pvd").is_file());
     }
@@ -204,7 +214,7 @@ fn fields_of_frames() {
     piola(&["run", &scene.scene(), "-o", &scene.path("one")]).expect(0);
     let (file, many) = (scene.scene(), scene.path("many"));
     on_ranks(3, &["run", &file, "-o", &many, "--petsc"]).expect(0);
-    for frame in ["frames/frame_000001.vtu", "frames/frame_000002.vtu"] {
+    for frame in ["frames/frame_000000.vtu", "frames/frame_000001.vtu", "frames/frame_000002.vtu"] {
         let [one, many] =
             ["one", "many"].map(|out| read_vtu(&Path::new(&scene.path(out)).join(frame)).unwrap());
         let names = [
@@ -286,6 +296,63 @@ fn what_cannot_be_run_so_is_told_once() {
     );
     let text = said(2, &far, &["--", "-snes_max_it", "5"], 3);
     assert!(text.contains("no equilibrium at t = "), "{text}");
+}
+
+/// A machine that does not see the scene, or sees another.
+#[test]
+fn a_rank_that_reads_something_else_ends_the_run() {
+    let scene = plate("[material]\npotential = \"javili2020\"\nparameters = { C1 = 1 }\n");
+    let text = std::fs::read_to_string(scene.scene()).unwrap();
+    scene.file("0.toml", &text);
+    let run = |words: &str, code: i32| {
+        let _turn = TURN.lock().unwrap_or_else(PoisonError::into_inner);
+        let own = command(&["run"]);
+        let program = own.get_program().to_str().unwrap().to_owned();
+        let line = format!(
+            "{program} run {}/$OMPI_COMM_WORLD_RANK.toml -o {} --petsc",
+            scene.path(""),
+            scene.path("out")
+        );
+        let outcome = end(start_program(2, "sh", &["-c", &line]));
+        assert_eq!(outcome.code, code, "{}", outcome.stderr);
+        assert_eq!(outcome.stderr.matches(words).count(), 1, "{words}: {}", outcome.stderr);
+    };
+    run("rank 1: ", 2);
+    scene.file("1.toml", text.replace("spacings", "spacngs"));
+    run("unknown-key", 2);
+    scene.file("1.toml", text.replace("C1 = 1", "C1 = 2"));
+    run("rank 1 reads another scene", 2);
+    assert!(!scene.out().exists(), "nothing was begun");
+    scene.file("1.toml", &text);
+    run("converged on 2 ranks", 0);
+}
+
+/// Families that a halo cuts may determine nothing, and be of one point.
+#[test]
+fn sparse_clouds() {
+    let scene = SceneFolder::new(
+        "[body]\ndimension = 2\npoints = \"points.csv\"\n[horizon]\nradius = 0.15\n[material]\n\
+         potential = \"neo_hooke\"\nparameters = { mu = 1.0, lambda = 1.0 }\n[sets]\nleft = \"X < 0.2\"\n\
+         right = \"X > 3.8\"\n[[prescribe]]\nset = \"left\"\nu = [0, 0]\n[[prescribe]]\nset = \"right\"\n\
+         u = [0.02, 0]\n[steps]\nincrements = 1\n",
+    );
+    let mut random = support::Random(11);
+    let mut solved = 0;
+    for _ in 0..6 {
+        let mut points = "x,y,volume\n".to_owned();
+        for k in 0..41 * 6 {
+            let [dx, dy] = [random.next(), random.next()].map(|x| 0.035 * x);
+            let (x, y) = (0.1 * f64::from(k % 41) + dx, 0.1 * f64::from(k / 41) + dy);
+            points += &format!("{x},{y},0.01\n");
+        }
+        scene.file("points.csv", points);
+        // What one process solves many do.
+        if piola(&["run", &scene.scene(), "-o", &scene.path("one"), "--force"]).code == 0 {
+            check_alike("sparse cloud", &scene.scene(), &[]);
+            solved += 1;
+        }
+    }
+    assert!(solved > 0, "one of the clouds holds together");
 }
 
 /// The others end with it, and nothing is half written.

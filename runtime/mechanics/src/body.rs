@@ -19,7 +19,18 @@ pub struct Body {
     user_index: Vec<u32>,
     /// The axis along which the points are sorted.
     sorted_axis: usize,
-    /// The largest number of neighbours of a point, where this is a slab of a body that knows it.
+    /// Where it is a slab of a body.
+    slab: Option<Slab>,
+}
+
+/// What a slab knows of the body that it is of.
+#[derive(Clone, Debug, PartialEq)]
+struct Slab {
+    /// The order of its points among themselves, as the user's.
+    places: Vec<u32>,
+    /// Of each point, whether its family goes on beyond the slab.
+    is_cut: Vec<bool>,
+    /// The largest number of neighbours of a point of the whole body, where that is known.
     most_neighbors: Option<usize>,
 }
 
@@ -52,35 +63,55 @@ impl Body {
             spacing,
             user_index,
             sorted_axis,
-            most_neighbors: None,
+            slab: None,
         }
     }
 
-    /// A slab of it as a body of its own: points `range` in the same order. What they were in the user's order says
-    /// in which order they are there.
-    pub fn part(&self, range: Range<usize>) -> Body {
+    /// A slab of it as a body of its own: points `range` in the same order, with their places in the user's order of
+    /// the whole body. Families reach as far as `horizon`, in m: those that the slab cuts may be of any kind.
+    pub fn part(&self, range: Range<usize>, horizon: f64) -> Body {
         let d = self.dimension;
-        let before = &self.user_index[range.clone()];
-        let mut order: Vec<u32> = (0..before.len() as u32).collect();
-        order.sort_unstable_by_key(|point| before[*point as usize]);
-        let mut user_index = vec![0; before.len()];
-        (0..).zip(&order).for_each(|(place, point)| user_index[*point as usize] = place);
+        let user_index = self.user_index[range.clone()].to_vec();
+        let mut order: Vec<u32> = (0..user_index.len() as u32).collect();
+        order.sort_unstable_by_key(|point| user_index[*point as usize]);
+        let mut places = vec![0; user_index.len()];
+        (0..).zip(&order).for_each(|(place, point)| places[*point as usize] = place);
+        let along = |point: usize| self.position(point)[self.sorted_axis];
+        let is_cut = |point: usize| {
+            let before = range.start > 0 && along(point) - along(range.start - 1) <= horizon;
+            before || (range.end < self.n_points() && along(range.end) - along(point) <= horizon)
+        };
+        let is_cut = range.clone().map(is_cut).collect();
         Body {
             positions: self.positions[range.start * d..range.end * d].to_vec(),
             volumes: self.volumes[range].to_vec(),
             user_index,
+            slab: Some(Slab { places, is_cut, most_neighbors: None }),
             ..*self
         }
     }
 
-    /// The same, of a body of which no point has more neighbours than these.
-    pub fn with_most_neighbors(self, most: usize) -> Body {
-        Body { most_neighbors: Some(most), ..self }
+    /// The same slab of a body of which no point has more neighbours than these.
+    pub fn with_most_neighbors(mut self, most: usize) -> Body {
+        if let Some(slab) = &mut self.slab {
+            slab.most_neighbors = Some(most);
+        }
+        self
     }
 
     /// The largest number of neighbours of a point of the body that this is a slab of; nothing where it is whole.
     pub(crate) fn most_neighbors(&self) -> Option<usize> {
-        self.most_neighbors
+        self.slab.as_ref()?.most_neighbors
+    }
+
+    /// Whether the family of a point goes on beyond the slab that this is: what is asked of families is not asked of it.
+    pub(crate) fn is_cut(&self, point: usize) -> bool {
+        self.slab.as_ref().is_some_and(|slab| slab.is_cut[point])
+    }
+
+    /// Where rows of each point stand in the user's order.
+    fn places(&self) -> &[u32] {
+        self.slab.as_ref().map_or(&self.user_index, |slab| &slab.places)
     }
 
     /// 2 or 3.
@@ -132,7 +163,7 @@ impl Body {
     /// Rearranges per-point rows of `width` numbers from the body's order into the user's.
     pub fn to_user_order(&self, rows: &[f64], width: usize) -> Vec<f64> {
         let mut out = vec![0.0; rows.len()];
-        for (row, &user) in rows.chunks_exact(width).zip(&self.user_index) {
+        for (row, &user) in rows.chunks_exact(width).zip(self.places()) {
             out[user as usize * width..(user as usize + 1) * width].copy_from_slice(row);
         }
         out
@@ -141,7 +172,7 @@ impl Body {
     /// Rearranges per-point rows of `width` numbers from the user's order into the body's.
     pub fn from_user_order(&self, rows: &[f64], width: usize) -> Vec<f64> {
         let mut out = Vec::with_capacity(rows.len());
-        for &user in &self.user_index {
+        for &user in self.places() {
             out.extend_from_slice(&rows[user as usize * width..(user as usize + 1) * width]);
         }
         out

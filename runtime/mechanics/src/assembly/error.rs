@@ -111,7 +111,8 @@ pub(crate) fn check_neighbors(
     if body.n_points() == 0 {
         return Err(AssemblyError::Empty);
     }
-    let isolated = neighborhood.isolated();
+    let mut isolated = neighborhood.isolated();
+    isolated.retain(|point| !body.is_cut(*point));
     if isolated.is_empty() {
         return Ok(());
     }

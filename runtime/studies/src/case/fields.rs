@@ -60,13 +60,6 @@ impl Columns {
         let values = (0..wanted.len()).map(|k| kept().map(|row| row[k]).collect()).collect();
         Ok(Columns { names: columns, values })
     }
-
-    /// Those of some points, by their places in the user's order.
-    #[cfg(feature = "petsc")]
-    pub(super) fn of_points(&self, points: &[u32]) -> Columns {
-        let of = |column: &Vec<f64>| points.iter().map(|point| column[*point as usize]).collect();
-        Columns { names: self.names.clone(), values: self.values.iter().map(of).collect() }
-    }
 }
 
 /// An expression and the unit behind it.

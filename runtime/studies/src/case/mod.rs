@@ -279,12 +279,12 @@ impl Case {
     /// A slab of the body with what belongs to its points, but for a mesh: points `range` in the body's order.
     #[cfg(feature = "petsc")]
     pub(crate) fn part(&self, range: std::ops::Range<usize>) -> Case {
-        let mut in_user_order = self.body.user_index()[range.clone()].to_vec();
-        in_user_order.sort_unstable();
+        let horizon = self.scene.horizon_radius();
         Case {
-            body: Arc::new(self.body.part(range.clone())),
+            body: Arc::new(self.body.part(range.clone(), horizon)),
             materials: self.materials.as_ref().map(|materials| Arc::new(materials.part(range))),
-            columns: self.columns.of_points(&in_user_order),
+            // By the places that points have in the whole body.
+            columns: self.columns.clone(),
             mesh: None,
             scene: self.scene.clone(),
             potentials: self.potentials.clone(),

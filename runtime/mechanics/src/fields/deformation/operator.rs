@@ -534,8 +534,11 @@ fn check(
     body: &Body,
     neighborhood: &Neighborhood,
     order: OperatorOrder,
-    conditions: Vec<Result<f64, f64>>,
+    mut conditions: Vec<Result<f64, f64>>,
 ) -> Result<Vec<f64>, DeformationError> {
+    // Points whose families a slab has cut are released where these determine nothing.
+    let cut = conditions.iter_mut().enumerate().filter(|(point, _)| body.is_cut(*point));
+    cut.filter(|(_, one)| one.is_err()).for_each(|(_, one)| *one = Ok(f64::INFINITY));
     let refused = conditions.iter().enumerate().filter_map(|(p, c)| c.err().map(|c| (p, c)));
     let user = |point: usize| body.user_index()[point] as usize;
     let worst = refused.clone().reduce(|worst, other| {

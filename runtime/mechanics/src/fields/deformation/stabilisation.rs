@@ -78,7 +78,8 @@ pub(super) fn check_sums(
     what: &'static str,
 ) -> Result<(), DeformationError> {
     let sums = sums(body, neighborhood, influence);
-    match sums.iter().position(|sum| !(*sum > 0.0 && sum.is_finite())) {
+    let is_bad = |point: &usize| !(sums[*point] > 0.0 && sums[*point].is_finite());
+    match (0..sums.len()).filter(|point| !body.is_cut(*point)).find(is_bad) {
         None => Ok(()),
         Some(point) => Err(DeformationError::NoInfluence {
             point: body.user_index()[point] as usize,
@@ -108,7 +109,14 @@ impl Deviations {
         let of_points = OfPoints::new(operator, law, kind);
         let mut stiffness = Vec::with_capacity(body.n_points() * body.dimension().pow(2));
         for point in 0..body.n_points() {
-            stiffness.extend(of_points.stiffness(point).ok_or_else(|| of_points.singular(point))?);
+            let own = of_points.stiffness(point);
+            match own.filter(|_| !operator.is_released(point)) {
+                Some(own) => stiffness.extend(own),
+                None if body.is_cut(point) => {
+                    stiffness.extend(std::iter::repeat_n(0.0, body.dimension().pow(2)));
+                }
+                None => return Err(of_points.singular(point)),
+            }
         }
         let is_stationary = operator.order() == OperatorOrder::First;
         Ok(Deviations { strength, stiffness, is_stationary })

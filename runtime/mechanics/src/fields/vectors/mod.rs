@@ -115,7 +115,7 @@ impl VectorEnergy {
         let names = parts.map(|(argument, _)| format!("psi({argument})")).collect();
         let materials = materials.unwrap_or_else(|| Arc::new(of_directions(&body)));
         let n = body.n_points();
-        let energy = VectorEnergy {
+        let mut energy = VectorEnergy {
             slabs: Slabs::new(&neighborhood),
             body,
             neighborhood,
@@ -130,7 +130,10 @@ impl VectorEnergy {
             gathered: Pool::new(),
             room: Pool::new(),
         };
-        match (0..n).find(|point| !energy.has_family(*point)) {
+        let lacking: Vec<usize> = (0..n).filter(|point| !energy.has_family(*point)).collect();
+        // Points whose families a slab has cut are released where these span nothing.
+        lacking.iter().for_each(|point| energy.is_released[*point] = true);
+        match lacking.into_iter().find(|point| !energy.body.is_cut(*point)) {
             None => Ok(energy),
             Some(point) => Err(VectorError::Flat {
                 point: energy.body.user_index()[point] as usize,

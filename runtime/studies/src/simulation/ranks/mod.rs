@@ -22,11 +22,12 @@ mod steps;
 use std::sync::Arc;
 
 use piola_grammar::counted;
+use piola_mechanics::assembly::AssemblyError;
 use piola_mechanics::energy::{Energy as _, Total};
 use piola_mechanics::interaction::Inverted;
 use piola_mechanics::neighborhood::Neighborhood;
 use piola_mechanics::weights::Weights;
-use piola_output::summary::{ExitReason, PhaseClock, SolverSummary};
+use piola_output::summary::{ExitReason, FNV1A64_OF_NOTHING, PhaseClock, SolverSummary, fnv1a64};
 use piola_output::{OutputFolder, Points};
 pub use piola_petsc::Engine;
 use piola_solvers::Watch;
@@ -37,10 +38,11 @@ use super::run::{Ending, RunError, RunOptions, enter};
 use crate::case::{Case, CaseError};
 use crate::scene::boundary::BoundaryConditions;
 use crate::scene::selection::{PointSet, Selection};
+use crate::scene::{Scene, SolverSettings};
 use record::{Recorder, Shown, Sums, gathered};
 use share::{Share, reach};
 use slab::Slab;
-use steps::{Found, LoadSteps, agreed, lost};
+use steps::{Found, LoadSteps, Solves, agreed, lost};
 
 /// Runs the load steps of a case over all ranks of an engine. All of them call it with the same case; rank 0 has the
 /// folder, and alone writes. Collective.
@@ -54,23 +56,22 @@ pub fn run(
     options: RunOptions<'_>,
     watch: &Watch,
 ) -> Result<Ending, RunError> {
-    refuse(case, engine)?;
-    case.check_rest()?;
+    // What all ranks find alike is agreed on all the same: files may differ from machine to machine.
+    agreed(engine, refuse(case, engine).and_then(|()| case.check_rest()))?;
     let mut clock = PhaseClock::new();
     enter(&mut clock, watch, "compile");
-    let compiled = case.compile()?;
+    let compiled = agreed(engine, case.compile())?;
     enter(&mut clock, watch, "interactions");
-    let selection = case.selection()?;
+    let selection = agreed(engine, case.selection())?;
     // Of the whole body, so that what is wrong is told as in any run.
-    let held =
-        BoundaryConditions::new(&case.scene, &case.body, &selection).map_err(CaseError::from)?;
+    let held = BoundaryConditions::new(&case.scene, &case.body, &selection);
+    let held = agreed(engine, held.map_err(CaseError::from))?;
     let share = Share::of(&case.body, reach(case), (engine.rank(), engine.ranks()));
     let part = part_of(case, engine, &share)?;
     let own_selection = selection_of(&selection, &share);
-    let (energy, fields) =
-        agreed(engine, part.solved_energy(compiled).map_err(|error| error.to_string()))?;
-    let boundary = BoundaryConditions::new(&part.scene, &part.body, &own_selection)
-        .map_err(CaseError::from)?;
+    let (energy, fields) = agreed(engine, part.solved_energy(compiled))?;
+    let boundary = BoundaryConditions::new(&part.scene, &part.body, &own_selection);
+    let boundary = agreed(engine, boundary.map_err(CaseError::from))?;
     let tolerance = case.scene.solver.tolerance;
     let mut slab =
         Slab::new((engine, &share), &energy, boundary.fixed_dofs(), tolerance).map_err(lost)?;
@@ -87,12 +88,13 @@ pub fn run(
         }
         _ => Ok(None),
     };
-    let mut recorder = agreed(engine, begun.map_err(|error| error.to_string()))?;
+    let mut recorder = agreed(engine, begun.map_err(RunError::from))?;
     enter(&mut clock, watch, "solve");
     let n = share.own.len() * case.body.dimension();
     let given = vec![0.0; part.body.positions().len()];
     let mut steps = LoadSteps {
         engine,
+        case: &part,
         slab: &mut slab,
         newton,
         boundary: &boundary,
@@ -100,24 +102,39 @@ pub fn run(
         u: vec![0.0; n],
         given,
         t: 0.0,
-        solves: [0; 2],
+        solves: Solves::default(),
     };
+    let here =
+        PointFields { case: &part, energy: &energy, selection: &own_selection, masses: None };
+    let shown = |slab: &Slab<'_>| Shown::of(engine, (here, &case.body), (slab, &share));
+    let sums = |slab: &Slab<'_>| Sums::of(engine, &energy, (slab, &share), (case, &selection));
+    let residual = |slab: &Slab<'_>| -> Vec<f64> {
+        slab.own_forces().iter().zip(slab.loads()).map(|(g, f)| g - f).collect()
+    };
+    let is_known = steps.rest()?;
+    let (at_rest, fields) = (is_known.then(|| sums(steps.slab)), shown(steps.slab));
+    let still = if is_known { residual(steps.slab) } else { vec![0.0; n] };
+    let begun = match (&mut recorder, gathered(engine, &still)) {
+        (Some(recorder), Some(still)) => recorder.begin(at_rest, (&still, fields)),
+        _ => Ok(()),
+    };
+    agreed(engine, begun.map_err(RunError::from))?;
+    let mut due = Due::of(case);
     let mut see = |steps: &mut LoadSteps<'_, '_>, found: Found| {
-        let sums = Sums::of(engine, &energy, (steps.slab, &share), (case, &selection));
-        let residual: Vec<f64> =
-            steps.slab.own_forces().iter().zip(steps.slab.loads()).map(|(g, f)| g - f).collect();
-        let here =
-            PointFields { case: &part, energy: &energy, selection: &own_selection, masses: None };
-        let shown = Shown::of(engine, (here, &case.body), (steps.slab, &share));
+        let is_due = due.next(&found);
+        let sums = sums(steps.slab);
+        let fields = if is_due { shown(steps.slab) } else { Shown::default() };
+        let residual = residual(steps.slab);
         let (u, residual) = (gathered(engine, &steps.u), gathered(engine, &residual));
         let written = match (&mut recorder, u, residual) {
             (Some(recorder), Some(u), Some(residual)) => {
-                let residuals = &steps.slab.residuals;
-                recorder.record(&found, sums, residuals, energy.parts(), (&u, &residual, shown))
+                let (residuals, names) = (&steps.slab.residuals, energy.parts());
+                let state = (&u[..], &residual[..], fields);
+                recorder.record((&found, is_due), sums, residuals, names, state)
             }
             _ => Ok(()),
         };
-        agreed(engine, written.map_err(|error| error.to_string()))
+        agreed(engine, written.map_err(RunError::from))
     };
     let (end, increments) = (case.scene.steps.end, case.scene.steps.increments);
     let mut failed = None;
@@ -126,6 +143,13 @@ pub fn run(
         if let Err(not_found) = steps.go_to(t, &mut see)? {
             failed = Some(not_found);
             break;
+        }
+    }
+    if !due.is_last && steps.t > 0.0 {
+        steps.return_to_last()?;
+        let fields = shown(steps.slab);
+        if let Some(recorder) = &mut recorder {
+            recorder.show(fields);
         }
     }
     enter(&mut clock, watch, "output");
@@ -144,12 +168,7 @@ pub fn run(
         indefinite: 0,
         fails: false,
         inverted: Inverted::default(),
-        warnings: unused
-            .iter()
-            .map(|option| {
-                format!("no part of PETSc asked for the option {option}: is it misspelt?")
-            })
-            .collect(),
+        warnings: warnings(&case.scene, &unused),
     };
     let written = match recorder {
         Some(recorder) => {
@@ -159,8 +178,61 @@ pub fn run(
         }
         None => Ok(()),
     };
-    agreed(engine, written.map_err(|error| error.to_string()))?;
+    agreed(engine, written.map_err(RunError::from))?;
     Ok(ending)
+}
+
+/// A number by which ranks see that they read the same scene, potentials and tables.
+pub fn hash(case: &Case) -> u64 {
+    let name = super::run::hash(case, &case.scene.resolved_toml());
+    fnv1a64(FNV1A64_OF_NOTHING, name.as_bytes())
+}
+
+/// Which equilibria are frames: spread evenly over the increments that the scene asks for.
+struct Due {
+    frames: usize,
+    increments: usize,
+    nominal: usize,
+    /// Whether the last one was.
+    is_last: bool,
+}
+
+impl Due {
+    fn of(case: &Case) -> Due {
+        let (frames, increments) = (case.scene.output.frames, case.scene.steps.increments);
+        Due { frames: frames.min(increments), increments, nominal: 0, is_last: false }
+    }
+
+    /// Whether this one is.
+    fn next(&mut self, found: &Found) -> bool {
+        let due = |step: usize| step * self.frames / self.increments;
+        let before = due(self.nominal);
+        self.nominal += usize::from(found.nominal);
+        self.is_last = due(self.nominal) > before;
+        self.is_last
+    }
+}
+
+/// Choices that made no difference.
+fn warnings(scene: &Scene, unused: &[String]) -> Vec<String> {
+    let (own, usual) = (&scene.solver, SolverSettings::default());
+    let set = [
+        ("linear", own.linear != usual.linear),
+        ("preconditioner", own.preconditioner != usual.preconditioner),
+        ("newton", own.newton != usual.newton),
+        ("start", own.start != usual.start),
+        ("max_iterations", own.max_iterations != usual.max_iterations),
+        ("products", own.products != usual.products),
+    ];
+    let idle = set.into_iter().filter(|(_, is_set)| *is_set).map(|(key, _)| {
+        format!(
+            "`{key}` of [solver] makes no difference over ranks: options of PETSc stand behind `--`"
+        )
+    });
+    let unused = unused
+        .iter()
+        .map(|option| format!("no part of PETSc asked for the option {option}: is it misspelt?"));
+    idle.chain(unused).collect()
 }
 
 /// Refuses what runs of many ranks do not do.
@@ -196,16 +268,16 @@ fn part_of(case: &Case, engine: &Engine, share: &Share) -> Result<Case, RunError
     let mut part = case.part(share.held.clone());
     if case.scene.horizon.weights == Weights::Truncated {
         let found = Neighborhood::new(&part.body, case.scene.horizon_radius());
-        let found = agreed(engine, found.map_err(|error| error.to_string()))?;
+        let found = agreed(engine, found.map_err(AssemblyError::from).map_err(CaseError::from))?;
         let most = share.own_of_held().map(|point| found.row(point).len()).max();
         let most = engine.all_gather(most.unwrap_or(0) as u64).into_iter().max();
-        let body = case.body.part(share.held.clone());
+        let body = part.body.as_ref().clone();
         part.body = Arc::new(body.with_most_neighbors(most.unwrap_or(0) as usize));
     }
     Ok(part)
 }
 
-/// What of sets and probes a rank holds, with the volumes of whole sets.
+/// What of sets a rank holds, with the volumes of whole sets; probes are looked up in the whole body.
 fn selection_of(selection: &Selection, share: &Share) -> Selection {
     let of = |set: &PointSet| PointSet {
         name: set.name.clone(),
@@ -229,15 +301,15 @@ fn bonds(engine: &Engine, energy: &Total<'_>, share: &Share) -> usize {
     engine.all_gather(upper as u64).iter().sum::<u64>() as usize
 }
 
-fn solver_summary([solves, iterations]: [u64; 2]) -> SolverSummary {
+fn solver_summary(solves: Solves) -> SolverSummary {
     SolverSummary {
         linear: "PETSc".to_owned(),
         linear_reason: "the run is over ranks".to_owned(),
         preconditioner: None,
-        linear_iterations: iterations as usize,
-        linear_solves: solves as usize,
+        linear_iterations: solves.iterations as usize,
+        linear_solves: solves.systems as usize,
         factorizations: 0,
-        tangents: solves as usize,
+        tangents: solves.systems as usize,
         gradients: 0,
     }
 }

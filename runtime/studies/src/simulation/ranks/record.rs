@@ -7,7 +7,8 @@ use piola_output::picture::{Charts, Colour, NamedPoints, Picture};
 use piola_output::pvd::FrameSeries;
 use piola_output::summary::{InteractionCounts, PhaseClock, SolverSummary, step_summaries};
 use piola_output::{
-    Definiteness, Frame, History, OutputError, OutputFile, OutputFolder, PointField, Points, table,
+    Definiteness, Frame, History, OutputError, OutputFile, OutputFolder, PointField, Points,
+    SetsAtRest, table,
 };
 use piola_petsc::Engine;
 
@@ -139,22 +140,19 @@ pub(super) struct Recorder<'a> {
     points: &'a Points,
     frames: FrameSeries<'a>,
     history: History,
-    nominal: usize,
     framed: usize,
     last: Option<(Frame, Option<Colour>)>,
 }
 
 impl<'a> Recorder<'a> {
-    /// With the body at rest as its first frame.
+    /// Without frames and steps.
     pub(super) fn new(
         (case, selection): (&'a Case, &'a Selection),
         parts: &[String],
         folder: &'a OutputFolder,
         points: &'a Points,
     ) -> Result<Recorder<'a>, OutputError> {
-        let mut frames = FrameSeries::new(folder, points)?;
-        let zero = vec![0.0; points.positions.len()];
-        frames.push(&frame(case, 0.0, &zero, &zero))?;
+        let frames = FrameSeries::new(folder, points)?;
         let sets = selection.sets.iter().map(|set| set.name.clone()).collect();
         let probes = selection.probes.iter().map(|probe| probe.name.clone()).collect();
         let mut history = History::new(case.body.dimension(), parts.to_vec(), sets, probes);
@@ -162,14 +160,31 @@ impl<'a> Recorder<'a> {
         history.prescribed = (0..selection.sets.len())
             .map(|set| given.iter().any(|given| given.set.value == set))
             .collect();
-        let (nominal, framed, last) = (0, 0, None);
-        Ok(Recorder { case, selection, folder, points, frames, history, nominal, framed, last })
+        let (framed, last) = (0, None);
+        Ok(Recorder { case, selection, folder, points, frames, history, framed, last })
+    }
+
+    /// The body at rest, as the first frame, with residuals in N of the whole body; without sums where its forces are
+    /// not known.
+    pub(super) fn begin(
+        &mut self,
+        sums: Option<Sums>,
+        (residual, shown): (&[f64], Shown),
+    ) -> Result<(), OutputError> {
+        self.history.at_rest = sums.map(|sums| {
+            let [reactions, forces, _] = sums.sets;
+            SetsAtRest { reactions, forces }
+        });
+        let zero = vec![0.0; self.points.positions.len()];
+        let mut now = frame(self.case, 0.0, &zero, residual);
+        now.fields.extend(shown.fields);
+        self.frames.push(&now)
     }
 
     /// An equilibrium, with displacements in m and residuals in N of the whole body.
     pub(super) fn record(
         &mut self,
-        found: &Found,
+        (found, is_due): (&Found, bool),
         sums: Sums,
         residuals: &[[f64; 2]],
         names: &std::sync::Arc<[String]>,
@@ -197,14 +212,8 @@ impl<'a> Recorder<'a> {
         let mut now = frame(self.case, found.t, u, residual);
         now.fields.extend(shown.fields);
         self.last = Some((now, shown.colour));
-        if found.nominal {
-            self.nominal += 1;
-            // Frames are spread evenly over the increments.
-            let (frames, all) = (self.case.scene.output.frames, self.case.scene.steps.increments);
-            let due = |step: usize| step * frames.min(all) / all;
-            if due(self.nominal) > due(self.nominal - 1) {
-                self.push_frame()?;
-            }
+        if is_due {
+            self.push_frame()?;
         }
         table::write_history(self.folder, &self.history)
     }
@@ -212,6 +221,14 @@ impl<'a> Recorder<'a> {
     fn push_frame(&mut self) -> Result<(), OutputError> {
         self.framed = self.history.steps.len();
         self.last.as_ref().map_or(Ok(()), |last| self.frames.push(&last.0))
+    }
+
+    /// What is shown of the points at the last equilibrium.
+    pub(super) fn show(&mut self, shown: Shown) {
+        if let Some((now, colour)) = &mut self.last {
+            now.fields.extend(shown.fields);
+            *colour = shown.colour;
+        }
     }
 
     /// How many equilibria there are.

@@ -90,8 +90,8 @@ impl OwnRows {
                         let (r, c) = (row * d + a, column * d + b);
                         let x = &mut blocks[(k * d + a) * d + b];
                         if r == c && is_fixed[r] {
-                            // A number of the size of its neighbours, of any sign but 0.
-                            *x = if *x > 0.0 { *x } else { 1.0 };
+                            // As large as it is in the body, so that the matrix is no worse for it.
+                            *x = if *x == 0.0 { 1.0 } else { x.abs() };
                         } else if is_fixed[r] || is_fixed[c] {
                             *x = 0.0;
                         }

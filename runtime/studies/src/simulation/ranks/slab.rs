@@ -192,7 +192,7 @@ impl<'a> Slab<'a> {
     }
 
     /// How far the body goes, linearised at `u`, where what is prescribed and loads are new: `before` has what was
-    /// prescribed there, of all that are held. Nothing where that cannot be had. Collective.
+    /// prescribed there, of all that are held. With the iterations that it took; nothing where it cannot be had. Collective.
     ///
     /// # Errors
     /// What PETSc reports.
@@ -201,7 +201,7 @@ impl<'a> Slab<'a> {
         newton: &mut Newton<'_>,
         u: &[f64],
         before: &[f64],
-    ) -> Result<Option<Vec<f64>>, EngineError> {
+    ) -> Result<Option<(Vec<f64>, u64)>, EngineError> {
         let now = std::mem::replace(&mut self.prescribed, before.to_vec());
         let known = self.look_at(u, true);
         self.prescribed = now;
@@ -221,7 +221,7 @@ impl<'a> Slab<'a> {
         self.rows.hold(&mut blocks, &self.is_fixed, self.before / self.d);
         let mut way = vec![0.0; u.len()];
         let solved = newton.solve_linear(&blocks, &right, &mut way)?;
-        Ok(solved.converged.then_some(way))
+        Ok(solved.converged.then_some((way, solved.iterations)))
     }
 
     /// What is prescribed, of all that are held.
@@ -264,6 +264,7 @@ impl Problem for Slab<'_> {
     fn is_converged(&mut self, iteration: usize, norm: f64) -> bool {
         if iteration == 0 {
             self.residuals.clear();
+            self.found = None;
         }
         let force = self.force();
         self.residuals.push([norm, if norm == 0.0 { 0.0 } else { norm / force }]);

@@ -278,6 +278,11 @@ impl<'a> FieldsInTime<'a> {
         Some(Arc::new(materials.with_fields(Arc::clone(fields))))
     }
 
+    /// Whether the scene gives any that changes with t; what is remembered changes without.
+    pub(crate) fn change(&self) -> bool {
+        self.case.parameters_change()
+    }
+
     /// Whether none changes with t.
     pub fn are_steady(&self) -> bool {
         self.layers.iter().flatten().all(|fields| fields.is_steady())

@@ -69,7 +69,7 @@ impl MotionDrive for Driven<'_> {
     }
 
     fn parameters_change(&self) -> bool {
-        !self.fields.are_steady()
+        self.fields.change()
     }
 
     fn set_parameters(&self, t: f64) -> bool {

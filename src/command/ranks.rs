@@ -36,9 +36,7 @@ pub(super) fn execute(arguments: &Run) -> Exit {
         render::error(&format!("cannot start the threads: {}", failure.message), None);
         return Exit::Input;
     }
-    let exit = solve(arguments, &engine);
-    drop(engine);
-    exit
+    solve(arguments, &engine)
 }
 
 fn solve(arguments: &Run, engine: &Engine) -> Exit {

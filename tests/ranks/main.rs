@@ -1,14 +1,16 @@
 //! Scenes over many processes, against the same scenes by one: with the feature `petsc` and `mpirun`.
 
+#[path = "../../runtime/petsc/tests/support/mpirun.rs"]
+mod mpirun;
 #[path = "../support/mod.rs"]
 mod support;
 
-use std::os::unix::process::CommandExt as _;
 use std::path::Path;
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, Command};
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
+use mpirun::mpirun;
 use support::frames::read_vtu;
 use support::{Outcome, SceneFolder, command, json_file, piola, repository, table};
 
@@ -32,21 +34,8 @@ fn start(ranks: usize, words: &[&str]) -> Child {
 }
 
 fn start_program(ranks: usize, program: &str, words: &[&str]) -> Child {
-    let mut command = Command::new("mpirun");
-    command.args(["-n", &ranks.to_string(), program]).args(words);
-    // More ranks than cores, also for root in a container.
-    for (name, value) in [
-        ("OMPI_ALLOW_RUN_AS_ROOT", "1"),
-        ("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1"),
-        ("OMPI_MCA_rmaps_base_oversubscribe", "1"),
-        ("OMPI_MCA_hwloc_base_binding_policy", "none"),
-        ("OMPI_MCA_mpi_yield_when_idle", "1"),
-        ("PRTE_MCA_rmaps_default_mapping_policy", ":oversubscribe"),
-    ] {
-        command.env(name, value);
-    }
-    command.env_remove("PETSC_OPTIONS").current_dir(env!("CARGO_MANIFEST_DIR")).process_group(0);
-    command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    let mut command = mpirun(ranks, program);
+    command.args(words).current_dir(env!("CARGO_MANIFEST_DIR"));
     command.spawn().expect("mpirun starts: apt-get install openmpi-bin petsc-dev")
 }
 
@@ -379,6 +368,6 @@ fn a_rank_that_is_killed_ends_the_run() {
     assert!(!rows.is_empty() && rows.iter().all(|row| row.len() == names.len()));
     let partial = std::fs::read_dir(scene.out())
         .unwrap()
-        .filter(|entry| entry.as_ref().unwrap().file_name().to_string_lossy().contains("tmp"));
+        .filter(|entry| entry.as_ref().unwrap().file_name().to_string_lossy().contains("partial"));
     assert!(partial.count() <= 1, "at most the file that was being written");
 }

@@ -3,17 +3,20 @@
 
 #[path = "../../../compiler/tests/support/machine.rs"]
 mod machine;
+#[path = "support/mpirun.rs"]
+mod mpirun;
 #[path = "../examples/ranks/springs.rs"]
 mod springs;
 
 use std::io::Read;
-use std::os::unix::process::{CommandExt, ExitStatusExt};
+use std::os::unix::process::ExitStatusExt;
 use std::path::PathBuf;
-use std::process::{Child, Command, ExitStatus, Stdio};
+use std::process::{Child, Command, ExitStatus};
 use std::sync::Mutex;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
+use mpirun::mpirun;
 use springs::{D, Springs};
 
 /// One run at a time has the cores.
@@ -76,22 +79,8 @@ fn signal(child: &Child, name: &str) {
 #[track_caller]
 fn run(ranks: usize, words: &str) -> Run {
     let _turn = TURN.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
-    let mut command = Command::new("mpirun");
-    command.args(["-n", &ranks.to_string()]).arg(program()).args(words.split_whitespace());
-    // More ranks than cores, also for root in a container: Open MPI 4 and 5 ask to be told.
-    for (name, value) in [
-        ("OMPI_ALLOW_RUN_AS_ROOT", "1"),
-        ("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1"),
-        ("OMPI_MCA_rmaps_base_oversubscribe", "1"),
-        ("OMPI_MCA_hwloc_base_binding_policy", "none"),
-        ("OMPI_MCA_mpi_yield_when_idle", "1"),
-        ("PRTE_MCA_rmaps_default_mapping_policy", ":oversubscribe"),
-        ("OMP_NUM_THREADS", "1"),
-    ] {
-        command.env(name, value);
-    }
-    command.env_remove("PETSC_OPTIONS").stdin(Stdio::null());
-    command.stdout(Stdio::piped()).stderr(Stdio::piped()).process_group(0);
+    let mut command = mpirun(ranks, program());
+    command.args(words.split_whitespace());
     let mut child = command.spawn().unwrap();
     let stdout = reader(child.stdout.take().unwrap());
     let stderr = reader(child.stderr.take().unwrap());

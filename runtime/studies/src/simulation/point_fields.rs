@@ -42,6 +42,16 @@ struct Tensors {
     cauchy: Option<Vec<Matrix3<f64>>>,
 }
 
+/// The sets of a body, for a picture.
+pub(super) fn named_sets(case: &Case, selection: &Selection) -> Vec<NamedPoints> {
+    let number = |point: &usize| case.body.user_index()[*point] as usize;
+    let named = |set: &PointSet| NamedPoints {
+        name: set.name.clone(),
+        points: set.points.iter().map(number).collect(),
+    };
+    selection.sets.iter().map(named).collect()
+}
+
 impl PointFields<'_> {
     /// Adds to a frame what the scene asks for.
     pub(super) fn fill(&self, frame: &mut Frame) {
@@ -103,12 +113,7 @@ impl PointFields<'_> {
 
     /// The sets, for a picture.
     pub(super) fn named_sets(&self) -> Vec<NamedPoints> {
-        let number = |point: &usize| self.case.body.user_index()[*point] as usize;
-        let named = |set: &PointSet| NamedPoints {
-            name: set.name.clone(),
-            points: set.points.iter().map(number).collect(),
-        };
-        self.selection.sets.iter().map(named).collect()
+        named_sets(self.case, self.selection)
     }
 
     /// A field of its own for each set: 1 in it, else 0.

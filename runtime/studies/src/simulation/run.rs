@@ -32,11 +32,13 @@ use piola_solvers::{Event, Watch};
 use crate::case::{Case, CaseError, FieldsInTime, WrongField, explain};
 use crate::plan::available_memory;
 use crate::scene::boundary::{BoundaryConditions, NonFiniteCondition};
+use crate::scene::selection::Selection;
 use crate::scene::{Scene, Unstable};
 
 use super::point_fields::PointFields;
 use super::tracks::Tracks;
 use super::{breaking, motion};
+pub(super) use frames::is_due;
 use told::solver_summary;
 pub(super) use told::{hash, summary};
 
@@ -422,14 +424,7 @@ impl<'a> Recorder<'a> {
         let mut last = frame(case, 0.0, &zero, at_rest.as_ref().map_or(&zero, |at| &at.residual));
         fields.fill(&mut last);
         frames.push(&last)?;
-        let sets = selection.sets.iter().map(|set| set.name.clone()).collect();
-        let probes = selection.probes.iter().map(|probe| probe.name.clone()).collect();
-        let parts = energy.parts().to_vec();
-        let mut history = History::new(case.body.dimension(), parts, sets, probes);
-        let prescribed = &case.scene.prescriptions;
-        history.prescribed = (0..selection.sets.len())
-            .map(|set| prescribed.iter().any(|given| given.set.value == set))
-            .collect();
+        let mut history = history(case, selection, energy.parts());
         let d = case.body.dimension();
         history.at_rest = at_rest.map(|at| SetsAtRest {
             reactions: selection.reactions(&at.residual, d),
@@ -554,6 +549,18 @@ impl<'a> Recorder<'a> {
         };
         picture.write(self.folder)
     }
+}
+
+/// A history without steps, of sets and probes of a scene and the parts of an energy.
+pub(super) fn history(case: &Case, selection: &Selection, parts: &[String]) -> History {
+    let sets = selection.sets.iter().map(|set| set.name.clone()).collect();
+    let probes = selection.probes.iter().map(|probe| probe.name.clone()).collect();
+    let mut history = History::new(case.body.dimension(), parts.to_vec(), sets, probes);
+    let prescribed = &case.scene.prescriptions;
+    history.prescribed = (0..selection.sets.len())
+        .map(|set| prescribed.iter().any(|given| given.set.value == set))
+        .collect();
+    history
 }
 
 /// A frame of the body, with the materials of its points where there are several; its own fields are

@@ -34,7 +34,7 @@ use piola_solvers::Watch;
 use piola_solvers::steps::{Control, Find};
 
 use super::point_fields::PointFields;
-use super::run::{Ending, RunError, RunOptions, enter};
+use super::run::{Ending, RunError, RunOptions, enter, is_due};
 use crate::case::{Case, CaseError};
 use crate::scene::boundary::BoundaryConditions;
 use crate::scene::selection::{PointSet, Selection};
@@ -119,18 +119,20 @@ pub fn run(
         _ => Ok(()),
     };
     agreed(engine, begun.map_err(RunError::from))?;
-    let mut due = Due::of(case);
+    // Ends of increments so far, and whether the last equilibrium was a frame.
+    let (mut nominal, mut framed) = (0, false);
     let mut see = |steps: &mut LoadSteps<'_, '_>, found: Found| {
-        let is_due = due.next(&found);
+        nominal += usize::from(found.nominal);
+        framed = found.nominal && is_due(&case.scene, nominal);
         let sums = sums(steps.slab);
-        let fields = if is_due { shown(steps.slab) } else { Shown::default() };
+        let fields = if framed { shown(steps.slab) } else { Shown::default() };
         let residual = residual(steps.slab);
         let (u, residual) = (gathered(engine, &steps.u), gathered(engine, &residual));
         let written = match (&mut recorder, u, residual) {
             (Some(recorder), Some(u), Some(residual)) => {
                 let (residuals, names) = (&steps.slab.residuals, energy.parts());
                 let state = (&u[..], &residual[..], fields);
-                recorder.record((&found, is_due), sums, residuals, names, state)
+                recorder.record((&found, framed), sums, residuals, names, state)
             }
             _ => Ok(()),
         };
@@ -145,7 +147,7 @@ pub fn run(
             break;
         }
     }
-    if !due.is_last && steps.t > 0.0 {
+    if !framed && steps.t > 0.0 {
         steps.return_to_last()?;
         let fields = shown(steps.slab);
         if let Some(recorder) = &mut recorder {
@@ -186,31 +188,6 @@ pub fn run(
 pub fn hash(case: &Case) -> u64 {
     let name = super::run::hash(case, &case.scene.resolved_toml());
     fnv1a64(FNV1A64_OF_NOTHING, name.as_bytes())
-}
-
-/// Which equilibria are frames: spread evenly over the increments that the scene asks for.
-struct Due {
-    frames: usize,
-    increments: usize,
-    nominal: usize,
-    /// Whether the last one was.
-    is_last: bool,
-}
-
-impl Due {
-    fn of(case: &Case) -> Due {
-        let (frames, increments) = (case.scene.output.frames, case.scene.steps.increments);
-        Due { frames: frames.min(increments), increments, nominal: 0, is_last: false }
-    }
-
-    /// Whether this one is.
-    fn next(&mut self, found: &Found) -> bool {
-        let due = |step: usize| step * self.frames / self.increments;
-        let before = due(self.nominal);
-        self.nominal += usize::from(found.nominal);
-        self.is_last = due(self.nominal) > before;
-        self.is_last
-    }
 }
 
 /// Choices that made no difference.

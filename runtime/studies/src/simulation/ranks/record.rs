@@ -3,7 +3,7 @@
 use piola_mechanics::body::Body;
 use piola_mechanics::energy::{Energy as _, EnergyParts, Total};
 use piola_mechanics::interaction::Inverted;
-use piola_output::picture::{Charts, Colour, NamedPoints, Picture};
+use piola_output::picture::{Charts, Colour, Picture};
 use piola_output::pvd::FrameSeries;
 use piola_output::summary::{InteractionCounts, PhaseClock, SolverSummary, step_summaries};
 use piola_output::{
@@ -17,8 +17,8 @@ use super::slab::Slab;
 use super::steps::Found;
 use crate::case::Case;
 use crate::scene::selection::{PointSet, Selection};
-use crate::simulation::point_fields::PointFields;
-use crate::simulation::run::{Ending, RunOptions, frame, summary};
+use crate::simulation::point_fields::{PointFields, named_sets};
+use crate::simulation::run::{Ending, RunOptions, frame, history, summary};
 
 /// What every rank sums up of an equilibrium: for all of the body, on all ranks the same.
 pub(super) struct Sums {
@@ -31,7 +31,7 @@ pub(super) struct Sums {
 }
 
 impl Sums {
-    /// Those of the last evaluation; nothing where an energy is not finite. Collective.
+    /// Those of the last evaluation; an energy that is not finite is NaN. Collective.
     pub(super) fn of(
         engine: &Engine,
         energy: &Total<'_>,
@@ -153,13 +153,7 @@ impl<'a> Recorder<'a> {
         points: &'a Points,
     ) -> Result<Recorder<'a>, OutputError> {
         let frames = FrameSeries::new(folder, points)?;
-        let sets = selection.sets.iter().map(|set| set.name.clone()).collect();
-        let probes = selection.probes.iter().map(|probe| probe.name.clone()).collect();
-        let mut history = History::new(case.body.dimension(), parts.to_vec(), sets, probes);
-        let given = &case.scene.prescriptions;
-        history.prescribed = (0..selection.sets.len())
-            .map(|set| given.iter().any(|given| given.set.value == set))
-            .collect();
+        let history = history(case, selection, parts);
         let (framed, last) = (0, None);
         Ok(Recorder { case, selection, folder, points, frames, history, framed, last })
     }
@@ -262,12 +256,7 @@ impl<'a> Recorder<'a> {
         summary.solver = Some(solver);
         summary.steps = step_summaries(&self.history);
         summary.write(self.folder)?;
-        let number = |point: &usize| self.case.body.user_index()[*point] as usize;
-        let named = |set: &PointSet| NamedPoints {
-            name: set.name.clone(),
-            points: set.points.iter().map(number).collect(),
-        };
-        let sets: Vec<NamedPoints> = self.selection.sets.iter().map(named).collect();
+        let sets = named_sets(self.case, self.selection);
         let title = &self.case.headline(title, energy.parts());
         let picture = Picture {
             title,

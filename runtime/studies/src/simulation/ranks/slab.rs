@@ -13,8 +13,8 @@ pub(super) struct Slab<'a> {
     energy: &'a Total<'a>,
     halo: Halo<'a>,
     d: usize,
-    /// Degrees of freedom of points before its own.
-    before: usize,
+    /// The first degree of freedom of its own points, of all that are held.
+    first_own: usize,
     rows: OwnRows,
     tangent: BlockMatrix,
     /// Of all that are held.
@@ -56,7 +56,7 @@ impl<'a> Slab<'a> {
             energy,
             halo,
             d,
-            before: own.start * d,
+            first_own: own.start * d,
             rows: OwnRows::new(energy.pattern(), own.clone(), share.held.start),
             tangent: BlockMatrix::zeros(energy.pattern()),
             is_fixed,
@@ -83,7 +83,7 @@ impl<'a> Slab<'a> {
     /// Translations and rotations of its own points, which prescribed degrees of freedom take no part in.
     fn rigid_motions(&self) -> Vec<Vec<f64>> {
         let (d, n) = (self.d, self.loads.len());
-        let x = &self.energy.positions()[self.before..self.before + n];
+        let x = &self.energy.positions()[self.first_own..self.first_own + n];
         // About the middle of the body, so that rotations are no translations.
         let mut middle = vec![0.0; d + 1];
         for position in x.chunks_exact(d) {
@@ -92,7 +92,7 @@ impl<'a> Slab<'a> {
         }
         self.engine.sum(&mut middle);
         let arm = |dof: usize, axis: usize| x[dof / d * d + axis] - middle[axis] / middle[d];
-        let free = |dof: usize| if self.is_fixed[self.before + dof] { 0.0 } else { 1.0 };
+        let free = |dof: usize| if self.is_fixed[self.first_own + dof] { 0.0 } else { 1.0 };
         let of = |motion: &dyn Fn(usize) -> f64| -> Vec<f64> {
             (0..n).map(|dof| free(dof) * motion(dof)).collect()
         };
@@ -111,7 +111,7 @@ impl<'a> Slab<'a> {
 
     /// Own degrees of freedom among those held.
     fn own(&self) -> std::ops::Range<usize> {
-        self.before..self.before + self.loads.len()
+        self.first_own..self.first_own + self.loads.len()
     }
 
     /// What is prescribed from now on in m, one for each of `fixed`, and loads in N of all that are held.
@@ -218,7 +218,7 @@ impl<'a> Slab<'a> {
             let free = self.loads[k] - self.forces[dof] - right[k];
             right[k] = if self.is_fixed[dof] { 0.0 } else { free };
         }
-        self.rows.hold(&mut blocks, &self.is_fixed, self.before / self.d);
+        self.rows.hold(&mut blocks, &self.is_fixed, self.first_own / self.d);
         let mut way = vec![0.0; u.len()];
         let solved = newton.solve_linear(&blocks, &right, &mut way)?;
         Ok(solved.converged.then_some((way, solved.iterations)))
@@ -257,7 +257,7 @@ impl Problem for Slab<'_> {
     fn tangent(&mut self, u: &[f64], blocks: &mut [f64]) -> Result<(), Refusal> {
         self.evaluate(u, true)?;
         self.rows.take(&self.tangent, blocks);
-        self.rows.hold(blocks, &self.is_fixed, self.before / self.d);
+        self.rows.hold(blocks, &self.is_fixed, self.first_own / self.d);
         Ok(())
     }
 

@@ -4,7 +4,15 @@ use piola_output::{OutputError, table};
 use piola_solvers::steps::{Control, Drive as _};
 
 use super::{Recorder, SceneDrive};
+use crate::scene::Scene;
 use crate::simulation::breaking;
+
+/// Whether the end of this increment, from 1, is a frame: they are spread evenly over the increments.
+pub(in crate::simulation) fn is_due(scene: &Scene, increment: usize) -> bool {
+    let (frames, all) = (scene.output.frames, scene.steps.increments);
+    let due = |step: usize| step * frames.min(all) / all;
+    due(increment) > due(increment - 1)
+}
 
 impl Recorder<'_> {
     /// Writes the tables of the steps so far, and a frame where one is due.
@@ -18,11 +26,7 @@ impl Recorder<'_> {
             }
         } else if nominal {
             self.nominal += 1;
-            // Frames are spread evenly over the increments.
-            let (frames, all) =
-                (self.fields.case.scene.output.frames, self.fields.case.scene.steps.increments);
-            let due = |step: usize| step * frames.min(all) / all;
-            if due(self.nominal) > due(self.nominal - 1) {
+            if is_due(scene, self.nominal) {
                 self.push_frame()?;
             }
         }

@@ -1,7 +1,7 @@
 //! A whole run: load steps, and everything they leave in the output folder.
 
 mod advice;
-mod frames;
+pub(super) mod frames;
 mod told;
 
 use std::ops::ControlFlow;
@@ -38,7 +38,6 @@ use crate::scene::{Scene, Unstable};
 use super::point_fields::PointFields;
 use super::tracks::Tracks;
 use super::{breaking, motion};
-pub(super) use frames::is_due;
 use told::solver_summary;
 pub(super) use told::{hash, summary};
 

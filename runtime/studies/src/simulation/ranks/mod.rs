@@ -34,7 +34,8 @@ use piola_solvers::Watch;
 use piola_solvers::steps::{Control, Find};
 
 use super::point_fields::PointFields;
-use super::run::{Ending, RunError, RunOptions, enter, is_due};
+use super::run::frames::is_due;
+use super::run::{Ending, RunError, RunOptions, enter};
 use crate::case::{Case, CaseError};
 use crate::scene::boundary::BoundaryConditions;
 use crate::scene::selection::{PointSet, Selection};

@@ -1,5 +1,6 @@
 //! Scenes over many processes, against the same scenes by one: with the feature `petsc` and `mpirun`.
 
+mod moves;
 #[path = "../../runtime/petsc/tests/support/mpirun.rs"]
 mod mpirun;
 #[path = "../support/mod.rs"]
@@ -272,9 +273,6 @@ fn what_cannot_be_run_so_is_told_once() {
     );
     once(&said(3, &two, &[], 2), "the body has 2 points, too few for 3 ranks");
     assert!(!two.out().exists(), "nothing was begun");
-    let moving = text.replace("[steps]\nincrements = 2", "[motion]\nend = 1");
-    let moving = scene(moving.replace("[material]\n", "[material]\ndensity = 1\n"));
-    once(&said(2, &moving, &[], 2), "leave --petsc out");
     // Too far for any step.
     let far = scene(
         text.replace("1e-3*t", "1e9*t").replace("javili2020", "far.piola").replace("C1", "C"),

@@ -411,6 +411,10 @@ impl Energy for DiscreteEnergy {
         self.body.dimension()
     }
 
+    fn counted(&self) -> Range<usize> {
+        self.body.counted()
+    }
+
     fn positions(&self) -> &[f64] {
         self.body.positions()
     }

@@ -28,6 +28,8 @@ pub struct Body {
 struct Slab {
     /// The order of its points among themselves, as the user's.
     places: Vec<u32>,
+    /// Those of its points that no other slab of the body has as its own.
+    own: Range<usize>,
     /// Of each point, whether its family goes on beyond the slab.
     is_cut: Vec<bool>,
     /// The largest number of neighbours of a point of the whole body, where that is known.
@@ -68,8 +70,10 @@ impl Body {
     }
 
     /// A slab of it as a body of its own: points `range` in the same order, with their places in the user's order of
-    /// the whole body. Families reach as far as `horizon`, in m: those that the slab cuts may be of any kind.
-    pub fn part(&self, range: Range<usize>, horizon: f64) -> Body {
+    /// the whole body. Of these points `own` count as its own; others are there for what acts on them. Families reach
+    /// as far as `horizon`, in m: those that the slab cuts may be of any kind.
+    pub fn part(&self, range: Range<usize>, own: Range<usize>, horizon: f64) -> Body {
+        assert!(range.start <= own.start && own.end <= range.end, "own points are of the slab");
         let d = self.dimension;
         let user_index = self.user_index[range.clone()].to_vec();
         let mut order: Vec<u32> = (0..user_index.len() as u32).collect();
@@ -84,9 +88,14 @@ impl Body {
         let is_cut = range.clone().map(is_cut).collect();
         Body {
             positions: self.positions[range.start * d..range.end * d].to_vec(),
-            volumes: self.volumes[range].to_vec(),
+            volumes: self.volumes[range.clone()].to_vec(),
             user_index,
-            slab: Some(Slab { places, is_cut, most_neighbors: None }),
+            slab: Some(Slab {
+                places,
+                own: own.start - range.start..own.end - range.start,
+                is_cut,
+                most_neighbors: None,
+            }),
             ..*self
         }
     }
@@ -107,6 +116,18 @@ impl Body {
     /// Whether the family of a point goes on beyond the slab that this is: what is asked of families is not asked of it.
     pub(crate) fn is_cut(&self, point: usize) -> bool {
         self.slab.as_ref().is_some_and(|slab| slab.is_cut[point])
+    }
+
+    /// The points that count where energies and interactions are added up: all, but for a slab its own.
+    pub fn counted(&self) -> Range<usize> {
+        self.slab.as_ref().map_or(0..self.n_points(), |slab| slab.own.clone())
+    }
+
+    /// Which part of an interaction between these points counts: it is of all of them alike.
+    pub(crate) fn counted_part(&self, points: impl Iterator<Item = usize> + Clone) -> f64 {
+        let Some(slab) = &self.slab else { return 1.0 };
+        let own = points.clone().filter(|point| slab.own.contains(point));
+        own.count() as f64 / points.count() as f64
     }
 
     /// Where rows of each point stand in the user's order.

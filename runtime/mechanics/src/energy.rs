@@ -2,8 +2,10 @@
 
 mod differences;
 pub mod inertia;
+mod non_finite;
 mod total;
 
+pub use non_finite::NonFinite;
 pub use total::{Term, Total};
 
 use std::ops::Range;
@@ -108,68 +110,6 @@ pub enum Argument {
     Rate,
 }
 
-/// An interaction or a deformation gradient whose energy or derivatives are not finite numbers, or
-/// that is turned inside out where its energy forbids that.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[error("{}", self.message())]
-pub struct NonFinite {
-    /// What the energy depends on.
-    pub argument: Argument,
-    /// Its points in the body's order: 2, 3 or 4 of an interaction, the point or the two ends of the
-    /// bond of a deformation gradient, the point that gathers.
-    pub points: Vec<usize>,
-    /// Their displacements in m, one after the other.
-    pub displacements: Vec<f64>,
-    /// Current value of the measure; the determinant of a deformation gradient; the first
-    /// integral of a point; the rate of a bond in m/s.
-    pub value: f64,
-    /// Reference value of the measure, also beside its rate; 1 otherwise.
-    pub reference: f64,
-    /// Whether it is turned inside out where its energy forbids that.
-    pub inverted: bool,
-}
-
-impl NonFinite {
-    /// Of a point that gathers, whose first number this is, in `d` dimensions at displacements `u` (`n x d`, m).
-    pub(crate) fn of_gathered(d: usize, point: usize, first: Option<f64>, u: &[f64]) -> NonFinite {
-        NonFinite {
-            argument: Argument::Gathered,
-            points: vec![point],
-            displacements: u[point * d..(point + 1) * d].to_vec(),
-            value: first.unwrap_or(f64::NAN),
-            reference: 1.0,
-            inverted: false,
-        }
-    }
-
-    fn message(&self) -> String {
-        let what = if self.inverted { "turned inside out" } else { "not finite" };
-        let (points, value) = (&self.points, self.value);
-        match (self.argument, &points[..]) {
-            (Argument::Measure(measure), _) => format!(
-                "the energy of the {} of points {points:?} is {what}: measure {value:e}, reference {:e}",
-                measure.interaction(),
-                self.reference
-            ),
-            (Argument::Rate, _) => format!(
-                "what the bond of points {points:?} dissipates is {what}: its length of {:e} m at rest changes by \
-                 {value:e} m/s",
-                self.reference
-            ),
-            (Argument::Gathered, _) => {
-                format!("the energy of what is gathered around point {points:?} is {what}")
-            }
-            (Argument::DeformationGradient, [point]) => format!(
-                "the energy of the deformation gradient at point {point} is {what}: determinant {value:e}"
-            ),
-            (Argument::DeformationGradient, _) => format!(
-                "the energy of the deformation gradient at the bond of points {points:?} is {what}: \
-                 determinant {value:e}"
-            ),
-        }
-    }
-}
-
 /// An interaction on its way to be turned inside out.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Inversion {
@@ -222,6 +162,12 @@ pub enum Wanted<'a> {
 pub trait Energy: Send + Sync {
     /// 2 or 3.
     fn dimension(&self) -> usize;
+
+    /// The points whose energy counts here, and at which forces are whole: all, but for a slab of a body
+    /// ([`Body::part`](crate::body::Body::part)) its own.
+    fn counted(&self) -> Range<usize> {
+        0..self.positions().len() / self.dimension()
+    }
 
     /// Positions at rest, `n x d`, in m.
     fn positions(&self) -> &[f64];
@@ -281,6 +227,32 @@ pub trait Energy: Send + Sync {
             "an energy of several parts knows their shares"
         );
         self.shares(u, shares)
+    }
+
+    /// The energy of the points that [count](Energy::counted), with forces in N (`n x d`) where they are wanted:
+    /// `parts` become its parts in J.
+    ///
+    /// # Errors
+    /// As [`Energy::evaluate`].
+    fn counted_energy(
+        &self,
+        u: &[f64],
+        forces: Option<&mut [f64]>,
+        parts: &mut [f64],
+    ) -> Result<(), NonFinite> {
+        let (counted, n) = (self.counted(), u.len() / self.dimension());
+        if counted.len() == n {
+            return self.evaluate(u, forces.map_or(Wanted::Energy, Wanted::Forces), parts);
+        }
+        if let Some(forces) = forces {
+            self.evaluate(u, Wanted::Forces(forces), &mut [])?;
+        }
+        let mut shares = vec![0.0; n];
+        for (number, part) in parts.iter_mut().enumerate() {
+            self.shares_of(number, u, &mut shares)?;
+            *part = total(&shares[counted.clone()]);
+        }
+        Ok(())
     }
 
     /// How the energies of points change under a uniform displacement gradient `G` on top of `u`, where
@@ -412,7 +384,7 @@ pub trait Energy: Send + Sync {
 
     /// Takes out bonds at displacements `u`, to which a way `step*direction` has led: what they release is
     /// the energy before less the energy after, and `timing` half of the work over that way of the forces
-    /// that go with them.
+    /// that go with them; of a slab what [counts](Energy::counted), where points beyond that have no `direction`.
     ///
     /// # Errors
     /// Energies and forces that are not finite.
@@ -423,9 +395,12 @@ pub trait Energy: Send + Sync {
         bonds: &[usize],
     ) -> Result<Release, NonFinite> {
         let mut forces = [vec![0.0; u.len()], vec![0.0; u.len()]];
-        let before = self.forces(u, &mut forces[0])?.total();
+        let mut parts = vec![0.0; self.parts().len()];
+        self.counted_energy(u, Some(&mut forces[0]), &mut parts)?;
+        let before = total(&parts);
         self.lose(bonds);
-        let after = self.forces(u, &mut forces[1])?.total();
+        self.counted_energy(u, Some(&mut forces[1]), &mut parts)?;
+        let after = total(&parts);
         let [old, new] = &forces;
         let powers = old.iter().zip(new).zip(direction).map(|((old, new), v)| (old - new) * v);
         let power = powers.fold(0.0, |sum, power| sum + power);

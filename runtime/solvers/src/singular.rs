@@ -40,7 +40,9 @@ impl SmallFamilies {
     /// Those of an energy but for known ones, both ascending; nothing where there are no others.
     pub fn of(energy: &dyn Energy, known: &[usize]) -> Option<SmallFamilies> {
         let is_new = |point: &usize| known.binary_search(point).is_err();
-        let points: Vec<usize> = energy.singular().into_iter().filter(is_new).collect();
+        let counted = energy.counted();
+        let found = energy.singular().into_iter().filter(|point| counted.contains(point));
+        let points: Vec<usize> = found.filter(is_new).collect();
         let (d, rest) = (energy.dimension(), energy.positions());
         let positions = points.iter().map(|point| rest[point * d..(point + 1) * d].to_vec());
         let positions = positions.collect();
@@ -78,6 +80,11 @@ impl Watched {
     pub(crate) fn new(energy: &dyn Energy, choice: Singular) -> Watched {
         let known = if choice == Singular::Release { Vec::new() } else { energy.singular() };
         Watched { choice, known }
+    }
+
+    /// Whether any end a motion.
+    pub(crate) fn end_motions(&self) -> bool {
+        self.choice != Singular::Release
     }
 
     /// Those that have become too small since, where that ends a run.

@@ -27,7 +27,7 @@ use crate::reference::go;
 /// Thresholds of bonds, triangles and tetrahedra: these also fail where they shrink.
 const LIMITS: [f64; 3] = [0.16, 0.2, 0.22];
 
-fn breaking(body: &Arc<Body>, horizon: f64, kept: &[usize]) -> Breaking {
+pub(crate) fn breaking(body: &Arc<Body>, horizon: f64, kept: &[usize]) -> Breaking {
     let d = body.dimension();
     let [s0, g0, h0] = LIMITS;
     let mut text = format!(
@@ -222,7 +222,7 @@ pub(crate) fn start(body: &Body, seed: u64) -> Initial {
 
 const STEPS: usize = 120;
 
-fn settings() -> MotionSettings {
+pub(crate) fn settings() -> MotionSettings {
     let dt = 1.5e-3;
     MotionSettings {
         end: dt * STEPS as f64,

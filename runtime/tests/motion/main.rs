@@ -19,6 +19,7 @@ mod family_states;
 mod following;
 mod gathered;
 mod gradients;
+mod parts;
 mod reference;
 mod states;
 

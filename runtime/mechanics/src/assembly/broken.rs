@@ -181,7 +181,8 @@ impl DiscreteEnergy {
         for (k, (lane, _)) in lanes.iter().enumerate() {
             let [owner, other] = ends[*lane];
             let pull: [f64; D] = std::array::from_fn(|axis| out.gradient[axis][k]);
-            held[*lane].energy += out.energy[k];
+            let counted = self.body.counted_part([owner, other].into_iter());
+            held[*lane].energy += counted * out.energy[k];
             held[*lane].timing += 0.5 * step * dot(&pull, &minus(&v_of[other], &v_of[owner]));
         }
         Ok(())

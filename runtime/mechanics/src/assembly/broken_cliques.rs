@@ -9,6 +9,7 @@ use super::product::points;
 use super::slab::Room;
 use super::visit::{Gathered, Sink, Visit, minus, row};
 use super::{DiscreteEnergy, Rooms};
+use crate::body::Body;
 use crate::element::{Contributions, Order};
 use crate::energy::NonFinite;
 use crate::fracture::{Held, Release};
@@ -123,7 +124,8 @@ impl DiscreteEnergy {
         let slabs = slabs.filter(|slab| owners.have_any(self.slabs.owners(*slab)));
         let of_slab = |slab: usize| {
             let mut room = rooms.take(|| Room::new(self));
-            let mut held = Holding { direction, half: 0.5 * step, held: Held::default() };
+            let (body, half) = (&*self.body, 0.5 * step);
+            let mut held = Holding { body, direction, half, held: Held::default() };
             let visit = Visit { energy: self, slab, order: Order::Gradient, u, only: Some(owners) };
             visit.all(&mut room, &mut held, [false, true, true])?;
             Ok(held.held)
@@ -161,7 +163,8 @@ impl DiscreteEnergy {
         let pieces = pieces.into_par_iter();
         let found = pieces.map(|(slab, numbers, held)| {
             let (direction, half) = (way.1, 0.5 * way.0);
-            let mut each = HoldingEach { ranks, numbers, held, first: 0, direction, half };
+            let body = &*self.body;
+            let mut each = HoldingEach { body, ranks, numbers, held, first: 0, direction, half };
             let only = Some(&owners);
             let visit = Visit { energy: self, slab, order: Order::Gradient, u, only };
             match &self.rooms {
@@ -190,6 +193,16 @@ impl DiscreteEnergy {
     }
 }
 
+/// Which part of a clique counts.
+fn counted<const D: usize, const K: usize>(
+    body: &Body,
+    cliques: &OwnerCliques<'_, D>,
+    clique: &Clique,
+) -> f64 {
+    let others = points::<D, K>(cliques, clique).into_iter();
+    body.counted_part(std::iter::once(cliques.owner()).chain(others))
+}
+
 /// The power of what a clique pulls with on a way.
 fn power<const D: usize, const K: usize>(
     cliques: &OwnerCliques<'_, D>,
@@ -208,6 +221,7 @@ fn power<const D: usize, const K: usize>(
 
 /// What single cliques hold on a way.
 struct HoldingEach<'a> {
+    body: &'a Body,
     ranks: &'a Ranks,
     /// Ascending.
     numbers: &'a [usize],
@@ -233,7 +247,8 @@ impl<const D: usize, const K: usize> Sink<D, K> for HoldingEach<'_> {
             let number = self.first + clique.number as usize;
             let Ok(place) = self.numbers.binary_search(&number) else { continue };
             let power = power::<D, K>(cliques, (clique, lane), out, self.direction);
-            self.held[place].energy += out.energy[lane];
+            let counted = counted::<D, K>(self.body, cliques, clique);
+            self.held[place].energy += counted * out.energy[lane];
             self.held[place].timing += self.half * power;
         }
     }
@@ -241,6 +256,7 @@ impl<const D: usize, const K: usize> Sink<D, K> for HoldingEach<'_> {
 
 /// What cliques hold on a way, added up.
 struct Holding<'a> {
+    body: &'a Body,
     direction: &'a [f64],
     half: f64,
     held: Held,
@@ -250,7 +266,8 @@ impl<const D: usize, const K: usize> Sink<D, K> for &mut Holding<'_> {
     fn take(&mut self, cliques: &OwnerCliques<'_, D>, batch: &[Clique], out: &mut Contributions) {
         for (lane, clique) in batch.iter().enumerate() {
             let power = power::<D, K>(cliques, (clique, lane), out, self.direction);
-            self.held.energy += out.energy[lane];
+            let counted = counted::<D, K>(self.body, cliques, clique);
+            self.held.energy += counted * out.energy[lane];
             self.held.timing += self.half * power;
         }
     }

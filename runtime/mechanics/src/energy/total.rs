@@ -230,6 +230,10 @@ impl Energy for Total<'_> {
         self.terms[0].dimension()
     }
 
+    fn counted(&self) -> Range<usize> {
+        self.terms[0].counted()
+    }
+
     fn positions(&self) -> &[f64] {
         self.terms[0].positions()
     }

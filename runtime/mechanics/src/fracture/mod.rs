@@ -153,14 +153,15 @@ pub trait Fracture: Inspection {
     /// Breaks these bonds, and says nothing of energies: bonds of a crack, or of an earlier run.
     fn take_out(&self, bonds: &[usize]);
 
-    /// How many bonds there are, and how many of them are broken; without those that never were there.
+    /// How many bonds there are, and how many of them are broken; without those that never were there. Of a slab of a
+    /// body those whose lower point [counts](Energy::counted).
     fn counts(&self) -> [usize; 2];
 
     /// How many numbers of bonds there are.
     fn n_bonds(&self) -> usize;
 
     /// How many triangles, or tetrahedra, there are where these have criteria of their own, and how many of
-    /// them broke by these; nothing where they have none.
+    /// them broke by these; nothing where they have none. Of a slab those whose owner counts.
     fn counts_of(&self, measure: Measure) -> Option<[usize; 2]>;
 
     /// The triangles, or the tetrahedra, that broke by criteria of their own, by their [`Ranks`], ascending.
@@ -422,15 +423,27 @@ impl Fracture for Breaking {
     }
 
     fn counts(&self) -> [usize; 2] {
-        let absent = self.absent.len();
-        [self.neighborhood.n_bonds() - absent, self.now().n_broken - absent]
+        let (counted, bonds) = (self.body.counted(), self.neighborhood.bond_starts());
+        let numbers = bonds[counted.start]..bonds[counted.end];
+        let status = self.now();
+        let n_broken = match numbers.len() == self.neighborhood.n_bonds() {
+            true => status.n_broken,
+            false => {
+                status.is_broken[numbers.clone()].iter().filter(|is_broken| **is_broken).count()
+            }
+        };
+        let absent = self.absent.iter().filter(|bond| numbers.contains(bond)).count();
+        [numbers.len() - absent, n_broken - absent]
     }
 
     fn counts_of(&self, measure: Measure) -> Option<[usize; 2]> {
         let ranks = self.ranks(measure)?;
-        let broken =
-            self.now().lost.as_ref().map_or(0, |lost| lost.own(n_neighbors(measure)).count());
-        Some([ranks.count(), broken])
+        let counted = self.body.counted();
+        let numbers = ranks.first(counted.start)..ranks.first(counted.end);
+        let is_counted = |number: &usize| numbers.contains(number);
+        let of = |lost: &Lost| lost.own(n_neighbors(measure)).filter(is_counted).count();
+        let broken = self.now().lost.as_ref().map_or(0, of);
+        Some([numbers.len(), broken])
     }
 
     fn broken_cliques(&self, measure: Measure) -> Vec<usize> {
@@ -451,6 +464,10 @@ impl Fracture for Breaking {
 impl Energy for Breaking {
     fn dimension(&self) -> usize {
         self.body.dimension()
+    }
+
+    fn counted(&self) -> Range<usize> {
+        self.body.counted()
     }
 
     fn positions(&self) -> &[f64] {

@@ -3,16 +3,15 @@
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
-use piola_mechanics::energy::EnergyParts;
+use piola_mechanics::energy::{EnergyParts, total};
 use piola_mechanics::fracture::{Fracture, OnThreshold, Release};
 use piola_mechanics::kernel::Measure;
 
 use super::balance::Row;
 use super::critical::Precision;
 use super::verlet::drift;
-use super::{BeforeRow, Motion, MotionError};
+use super::{BeforeRow, Motion, MotionError, Others};
 use crate::march::{Advance, March, State};
-use crate::watch::Event;
 
 /// The critical step is looked at again after so many steps, and at the end: a body that is stretched
 /// gets stiffer.
@@ -27,7 +26,7 @@ const TOLD: f64 = 1e-9;
 /// How exactly it is then: few products.
 pub(super) const LOOK: Precision = Precision { tolerance: 1e-2, products: 30 };
 
-impl Motion<'_> {
+impl<O: Others> Motion<'_, O> {
     /// Comes back with [`Advance::Pause`] after so long, between two steps and also between two rows, and
     /// then again.
     pub fn pause_every(&mut self, time: Duration) {
@@ -55,11 +54,27 @@ impl Motion<'_> {
             };
         }
         self.done += 1;
-        let before = self.begin_way(self.time(self.done) - 0.5 * self.dt)?;
+        let begun = self.begin_way(self.time(self.done) - 0.5 * self.dt);
         drift(self.dt, &self.v.value, &mut self.u);
         for (&dof, &value) in self.drive.displaced().iter().zip(&self.displacements) {
             self.u.set(dof, value);
         }
+        self.others.bring(&mut self.u.value);
+        self.foresee_velocities();
+        let broken = begun.and_then(|before| self.arrive_with_forces(before, wants_row));
+        self.hear_of_stops();
+        broken?;
+        self.ask_dissipation()?;
+        self.kick(wants_row || self.stopped.is_some())?;
+        Ok(ControlFlow::Continue(()))
+    }
+
+    /// Forces where a step has led, and what breaks there.
+    fn arrive_with_forces(
+        &mut self,
+        before: Option<f64>,
+        wants_row: bool,
+    ) -> Result<(), MotionError> {
         self.end_way(before)?;
         self.ask_loads(false)?;
         let remembers = self.energy.fracture().is_some_and(|fracture| fracture.n_states() > 0);
@@ -70,9 +85,7 @@ impl Motion<'_> {
         if !remembers {
             self.break_behind_forces(wants_row)?;
         }
-        self.ask_dissipation()?;
-        self.kick(wants_row || self.stopped.is_some())?;
-        Ok(ControlFlow::Continue(()))
+        Ok(())
     }
 
     /// Breaks what has gone too far in a step, where forces are those of the bonds that were there; they are
@@ -141,19 +154,19 @@ impl Motion<'_> {
     /// Breaks what has gone too far before anything moves: the account begins behind that.
     pub(super) fn break_at_start(&mut self) -> Result<(), MotionError> {
         let Some(fracture) = self.energy.fracture() else { return Ok(()) };
+        let before = counts(fracture);
         let released = fracture.advance(&self.u.value, 0.0, (0.0, &self.v.value));
-        let released = released.map_err(|cause| self.not_finite(cause))?;
+        released.map_err(|cause| self.not_finite(cause))?;
         self.tell_ties(fracture);
-        if released.bonds > 0 {
+        let now = counts(fracture);
+        let [bonds, areas, volumes] = [0, 1, 2].map(|kind| now[kind] - before[kind]);
+        if bonds > 0 {
             self.notes.push(format!(
-                "{} bonds break before the first step: the displacements of the start are beyond their \
-                 criterion",
-                released.bonds
+                "{bonds} bonds break before the first step: the displacements of the start are beyond their \
+                 criterion"
             ));
         }
-        if let [areas, volumes] = released.cliques
-            && areas + volumes > 0
-        {
+        if areas + volumes > 0 {
             self.notes.push(format!(
                 "{areas} triangles and {volumes} tetrahedra break before the first step: the displacements \
                  of the start are beyond their criterion"
@@ -183,9 +196,10 @@ impl Motion<'_> {
                 self.rest()?;
                 return Ok(Advance::Pause);
             }
-            self.is_over = self.watch.wants_end();
+            self.is_over = self.wants_end;
             let before = self.done;
-            match self.go(self.is_over || self.done + 1 == step) {
+            let went = self.go(self.is_over || self.done + 1 == step);
+            match self.meet(went) {
                 Ok(ControlFlow::Continue(())) => self.arrived()?,
                 Ok(ControlFlow::Break(())) => self.is_over = true,
                 Err(error) if self.done == before => self.stopped = Some(error),
@@ -216,8 +230,6 @@ impl Motion<'_> {
 
     /// At the end of a step.
     fn arrived(&mut self) -> Result<(), MotionError> {
-        let (t, n_steps) = (self.time(self.done), self.n_steps);
-        self.watch.notice(Event::Moved { t, step: self.done, n_steps });
         if self.done.is_multiple_of(STEPS_BETWEEN_LOOKS) || self.done == self.n_steps {
             self.look_again()?;
         }
@@ -228,7 +240,7 @@ impl Motion<'_> {
         if self.is_implicit() {
             return Ok(());
         }
-        let found = self.look(LOOK).map_err(|cause| self.not_finite(cause))?;
+        let found = self.look(LOOK)?;
         // The residual is as large as the tolerance: what errs on the safe side is no reproach.
         let critical =
             found.map_or(f64::INFINITY, |found| found.seconds * (1.0 + found.uncertainty).sqrt());
@@ -244,19 +256,37 @@ impl Motion<'_> {
         Ok(())
     }
 
+    /// The row of the whole body at the present time. Collective.
     fn row(&mut self) -> Row {
-        let kinetic = self
-            .mean
-            .iter()
-            .enumerate()
-            .fold(0.0, |sum, (dof, v)| sum + 0.5 * self.mass(dof) * v * v);
-        let parts = EnergyParts::new(self.energy.parts(), self.parts.clone());
+        let of_dof = |(dof, v): (usize, &f64)| 0.5 * self.mass(dof) * v * v;
+        let kinetic = self.mean.iter().enumerate().map(of_dof).fold(0.0, |sum, part| sum + part);
+        let (linear, angular) = self.momenta();
+        let broken = self.energy.fracture().map(counts).unwrap_or_default();
+        self.balance.open(total(&self.parts));
+        let sums = [
+            &[kinetic][..],
+            &self.parts,
+            &linear,
+            &angular,
+            &broken.map(|count| count as f64),
+            &self.balance.numbers(),
+        ];
+        let mut sums = sums.concat();
+        self.others.sum(&mut sums);
+        let (kinetic, rest) = (sums[0], &sums[1..]);
+        let (parts, rest) = rest.split_at(self.parts.len());
+        let (linear, rest) = rest.split_at(linear.len());
+        let (angular, rest) = rest.split_at(angular.len());
+        let (broken, balance) = rest.split_at(broken.len());
+        let parts = EnergyParts::new(self.energy.parts(), parts.to_vec());
         let changes = self.drive.parameters_change();
-        let mut row = self.balance.row(self.done, self.time(self.done), (parts, changes), kinetic);
-        (row.momentum, row.angular_momentum) = self.momenta();
-        row.broken = self.energy.fracture().map(|fracture| fracture.counts()[1]);
-        row.broken_cliques = [Measure::Area, Measure::Volume]
-            .map(|measure| self.energy.fracture()?.counts_of(measure).map(|counts| counts[1]));
+        let (step, t) = (self.done, self.time(self.done));
+        let mut row = self.balance.row_of(balance, (step, t), (parts, changes), kinetic);
+        (row.momentum, row.angular_momentum) = (linear.to_vec(), angular.to_vec());
+        row.broken = self.energy.fracture().map(|_| broken[0] as usize);
+        row.broken_cliques = [(Measure::Area, 1), (Measure::Volume, 2)].map(|(measure, kind)| {
+            self.energy.fracture()?.counts_of(measure).map(|_| broken[kind] as usize)
+        });
         if !self.balance.closes(&row) && self.notes.iter().all(|note| !note.contains("account")) {
             self.notes.push(format!(
                 "the account of energy does not close at t = {:e} s: {:e} J are left over, of {:e} J",
@@ -307,7 +337,13 @@ impl Motion<'_> {
     }
 }
 
-impl March for Motion<'_> {
+/// How many bonds, triangles and tetrahedra are broken.
+fn counts(fracture: &dyn Fracture) -> [usize; 3] {
+    let of = |measure| fracture.counts_of(measure).map_or(0, |counts| counts[1]);
+    [fracture.counts()[1], of(Measure::Area), of(Measure::Volume)]
+}
+
+impl<O: Others> March for Motion<'_, O> {
     type Step = Row;
     type Stop = MotionError;
 

@@ -207,9 +207,28 @@ impl Balance {
         self.kinetic = kinetic;
     }
 
-    /// The row at the present time, in which the caller fills in what is no energy: of the stored energy, and
+    /// Begins the account, unless it has begun, with the stored energy in J.
+    pub(super) fn open(&mut self, energy: f64) {
+        self.first.get_or_insert(First { kinetic: self.kinetic, energy });
+    }
+
+    /// The row at the present time of a body whose parts have these `numbers` together
+    /// ([`Balance::numbers`]), in which the caller fills in what is no energy: of the stored energy, and
     /// whether its parameters change.
-    pub(super) fn row(
+    pub(super) fn row_of(
+        &mut self,
+        numbers: &[f64],
+        (step, t): (usize, f64),
+        parts: (EnergyParts, bool),
+        kinetic: f64,
+    ) -> Row {
+        let mut whole = Balance { largest: self.largest, ..Balance::of(numbers) };
+        let row = whole.row(step, t, parts, kinetic);
+        self.largest = whole.largest;
+        row
+    }
+
+    fn row(
         &mut self,
         step: usize,
         t: f64,

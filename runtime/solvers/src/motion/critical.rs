@@ -18,6 +18,7 @@ use piola_mechanics::matrix::BlockMatrix;
 use piola_mechanics::vector::dot;
 use rayon::prelude::*;
 
+use super::others::{Nobody, Others};
 use crate::constraint::Constraints;
 
 /// How far the largest eigenvalue is looked for.
@@ -79,21 +80,57 @@ impl CriticalStep {
         constraints: &Constraints,
         precision: Precision,
     ) -> Result<Option<CriticalStep>, NonFinite> {
-        let d = energy.dimension();
+        let seconds = Seconds::of(energy, (u, v))?;
+        Ok(seconds.critical(&Nobody, energy.dimension(), masses, constraints, precision))
+    }
+}
+
+/// Second derivatives by displacements and, where bonds dissipate, by velocities.
+pub(super) struct Seconds<'a> {
+    stiffness: Box<dyn Hessian + 'a>,
+    viscosity: Option<Box<dyn Hessian + 'a>>,
+}
+
+impl<'a> Seconds<'a> {
+    /// At displacements in m and velocities in m/s, `n x d`.
+    ///
+    /// # Errors
+    /// As [`CriticalStep::find`].
+    pub(super) fn of(
+        energy: &'a dyn Energy,
+        (u, v): (&[f64], &[f64]),
+    ) -> Result<Seconds<'a>, NonFinite> {
+        let viscosity = energy.dissipation().map(|dissipation| dissipation.viscosity(u, v));
+        Ok(Seconds { stiffness: energy.hessian(u)?, viscosity: viscosity.transpose()? })
+    }
+
+    /// What [`CriticalStep::find`] says, of a body in `d` dimensions; where it has other parts, degrees of freedom
+    /// beyond this one are fixed. Collective.
+    pub(super) fn critical(
+        &self,
+        others: &dyn Others,
+        d: usize,
+        masses: &[f64],
+        constraints: &Constraints,
+        precision: Precision,
+    ) -> Option<CriticalStep> {
         // Fixed degrees of freedom are scaled away, before and after the product.
         let scale: Vec<f64> = (0..masses.len() * d)
             .map(|dof| if constraints.is_fixed(dof) { 0.0 } else { 1.0 / masses[dof / d].sqrt() })
             .collect();
-        let most = precision.products.min(constraints.n_free());
-        let precision = Precision { products: most, ..precision };
-        let stiff = Largest::of(&*energy.hessian(u)?, &scale, precision);
-        let viscous = match energy.dissipation() {
-            Some(dissipation) => Largest::of(&*dissipation.viscosity(u, v)?, &scale, precision),
+        let mut free = [constraints.n_free() as f64];
+        others.sum(&mut free);
+        let precision =
+            Precision { products: precision.products.min(free[0] as usize), ..precision };
+        let body = (others, d);
+        let stiff = Largest::of(body, &*self.stiffness, &scale, precision);
+        let viscous = match &self.viscosity {
+            Some(viscosity) => Largest::of(body, &**viscosity, &scale, precision),
             None => Largest::default(),
         };
         let (frequency, viscosity) = (stiff.bound().sqrt(), viscous.bound());
         if frequency == 0.0 && viscosity == 0.0 {
-            return Ok(None);
+            return None;
         }
         let seconds = match viscosity {
             0.0 => 2.0 / frequency,
@@ -101,7 +138,7 @@ impl CriticalStep {
         };
         let uncertainty = stiff.uncertainty().max(viscous.uncertainty());
         let products = stiff.products + viscous.products;
-        Ok(Some(CriticalStep { seconds, frequency, viscosity, uncertainty, products }))
+        Some(CriticalStep { seconds, frequency, viscosity, uncertainty, products })
     }
 }
 
@@ -116,24 +153,37 @@ struct Largest {
 impl Largest {
     /// By Lanczos' method on `M^-1/2 A M^-1/2`, from a vector that nothing distinguishes; `scale` has the
     /// entries of `M^-1/2`, 0 of what is fixed.
-    fn of(matrix: &dyn Hessian, scale: &[f64], precision: Precision) -> Largest {
+    fn of(
+        (others, d): (&dyn Others, usize),
+        matrix: &dyn Hessian,
+        scale: &[f64],
+        precision: Precision,
+    ) -> Largest {
         let n = scale.len();
-        let mut vector = start(scale);
+        let sum = |part: f64| {
+            let mut parts = [part];
+            others.sum(&mut parts);
+            parts[0]
+        };
+        let mut vector = start(scale, others.first() * d);
+        let length = sum(dot(&vector, &vector)).sqrt();
+        vector.iter_mut().for_each(|x| *x /= length);
         let [mut before, mut product, mut scaled] = [(); 3].map(|()| vec![0.0; n]);
         put(&mut scaled, |dof| vector[dof] * scale[dof]);
         let (mut diagonal, mut beside): (Vec<f64>, Vec<f64>) = (Vec::new(), Vec::new());
         let (mut found, most) = ((0.0, f64::INFINITY), precision.products);
         while diagonal.len() < most {
+            others.bring(&mut scaled);
             matrix.multiply(&scaled, &mut product);
-            let along = change(&mut product, |dof, x| {
+            let along = sum(change(&mut product, |dof, x| {
                 let x = x * scale[dof];
                 (x, x * vector[dof])
-            });
+            }));
             let last = beside.last().copied().unwrap_or(0.0);
-            let square = change(&mut product, |dof, x| {
+            let square = sum(change(&mut product, |dof, x| {
                 let x = x - (along * vector[dof] + last * before[dof]);
                 (x, x * x)
-            });
+            }));
             let norm = square.sqrt();
             diagonal.push(along);
             let (k, ends) = (diagonal.len(), norm <= 1e-12 * along.abs());
@@ -245,16 +295,54 @@ fn change(of: &mut [f64], value: impl Fn(usize, f64) -> (f64, f64) + Sync) -> f6
     sums.iter().fold(0.0, |sum, part| sum + part)
 }
 
-/// Reproducible numbers (Knuth's MMIX generator), zero where the scale is, of unit length.
-fn start(scale: &[f64]) -> Vec<f64> {
-    let mut state = 1u64;
+/// Reproducible numbers (Knuth's MMIX generator) of the degrees of freedom from the `first` of the body on, zero
+/// where the scale is.
+fn start(scale: &[f64], first: usize) -> Vec<f64> {
+    let mut state = skipped(1, first);
     let mut next = || {
-        state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        state = Step::ONE.of(state);
         (state >> 11) as f64 / (1u64 << 52) as f64 - 1.0
     };
-    let mut vector: Vec<f64> =
-        scale.iter().map(|scale| if *scale == 0.0 { 0.0 * next() } else { next() }).collect();
-    let norm = dot(&vector, &vector).sqrt();
-    vector.iter_mut().for_each(|x| *x /= norm);
-    vector
+    scale.iter().map(|scale| if *scale == 0.0 { 0.0 * next() } else { next() }).collect()
+}
+
+/// A step of the generator, or several at once: `factor*state + term`.
+#[derive(Clone, Copy)]
+struct Step {
+    factor: u64,
+    term: u64,
+}
+
+impl Step {
+    const ONE: Step = Step { factor: 6364136223846793005, term: 1442695040888963407 };
+
+    fn of(self, state: u64) -> u64 {
+        self.factor.wrapping_mul(state).wrapping_add(self.term)
+    }
+}
+
+/// The state so many steps on.
+fn skipped(mut state: u64, mut steps: usize) -> u64 {
+    let mut step = Step::ONE;
+    while steps > 0 {
+        if steps % 2 == 1 {
+            state = step.of(state);
+        }
+        step = Step { factor: step.factor.wrapping_mul(step.factor), term: step.of(step.term) };
+        steps /= 2;
+    }
+    state
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_those_of_the_whole_body_in_any_part() {
+        let whole = start(&[1.0; 100], 0);
+        for first in [0, 1, 2, 7, 64, 99] {
+            assert_eq!(start(&vec![1.0; 100 - first], first), whole[first..]);
+        }
+    }
 }

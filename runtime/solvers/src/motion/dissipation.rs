@@ -5,7 +5,7 @@
 //! two leads, `v_n = v_(n-1/2) + 1/2 (v_(n-1/2) - v_(n-3/2))`: of second order in the step, as the rule itself,
 //! and without an equation to solve. What that costs of the step says [`super::critical`].
 
-use super::{Motion, MotionError};
+use super::{Motion, MotionError, Others};
 
 /// Dissipative forces, and what they follow from; vectors are `n x d`.
 pub(super) struct Viscous {
@@ -27,8 +27,8 @@ impl Viscous {
     }
 }
 
-impl Motion<'_> {
-    /// Dissipative forces at the start, with the velocities there; points with prescribed displacements have
+impl<O: Others> Motion<'_, O> {
+    /// The velocities at the start, by which bonds dissipate there; points with prescribed displacements have
     /// those of the first step.
     pub(super) fn begin_dissipation(&mut self) -> Result<(), MotionError> {
         if self.viscous.is_none() {
@@ -39,7 +39,7 @@ impl Motion<'_> {
             self.v.set(dof, (value - self.u.value[dof]) / self.dt);
         }
         self.remember_velocities();
-        self.ask_dissipation()
+        Ok(())
     }
 
     /// The velocities that the coming kick takes on.
@@ -49,16 +49,22 @@ impl Motion<'_> {
         }
     }
 
-    /// Dissipative forces at the present time.
+    /// The velocities at the end of the step that is made, before its forces are known. Collective.
+    pub(super) fn foresee_velocities(&mut self) {
+        let Some(Viscous { earlier, velocities, .. }) = &mut self.viscous else { return };
+        for (dof, (last, earlier)) in self.v.value.iter().zip(&*earlier).enumerate() {
+            velocities[dof] = last + 0.5 * (last - earlier);
+        }
+        self.others.bring(velocities);
+    }
+
+    /// Dissipative forces at the present time, with the velocities that are [foreseen](Motion::foresee_velocities).
     pub(super) fn ask_dissipation(&mut self) -> Result<(), MotionError> {
         let (Some(viscous), Some(dissipation)) = (&mut self.viscous, self.energy.dissipation())
         else {
             return Ok(());
         };
-        let Viscous { forces, earlier, velocities, together } = viscous;
-        for (dof, (last, earlier)) in self.v.value.iter().zip(&*earlier).enumerate() {
-            velocities[dof] = last + 0.5 * (last - earlier);
-        }
+        let Viscous { forces, velocities, together, .. } = viscous;
         let found = dissipation.forces(&self.u.value, velocities, forces);
         let all = together.iter_mut().zip(&self.forces).zip(&*forces);
         all.for_each(|((sum, stored), lost)| *sum = stored + lost);

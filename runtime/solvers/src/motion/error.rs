@@ -128,6 +128,9 @@ pub enum MotionError {
     /// A point flies off.
     #[error(transparent)]
     FlownOff(Box<FlownOff>),
+    /// Another part of the body, which another process moves, has found something.
+    #[error("another part of the body cannot start or go on")]
+    Elsewhere,
 }
 
 /// A point that goes further in one step than the body is large.

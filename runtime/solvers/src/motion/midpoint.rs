@@ -15,7 +15,7 @@ use piola_mechanics::energy::inertia::Inertia;
 use piola_mechanics::energy::{Energy as _, Total, Wanted};
 use piola_mechanics::vector::norm;
 
-use super::{Motion, MotionError};
+use super::{Motion, MotionError, Others};
 use crate::linear::{LinearMethod, LinearOptions};
 use crate::newton::{Newton, NewtonFailure, NewtonSettings, NewtonVariant};
 
@@ -32,7 +32,7 @@ pub(super) struct Works {
     pub(super) fastest: f64,
 }
 
-impl Motion<'_> {
+impl<O: Others> Motion<'_, O> {
     /// Loads and what is prescribed half a step on, and where the body would be then without forces;
     /// prescribed points half way to where they are at the end of the step.
     fn flight(&mut self) -> Result<Vec<f64>, MotionError> {

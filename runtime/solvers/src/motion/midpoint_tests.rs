@@ -5,6 +5,8 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use piola_mechanics::testing::{SpringNetwork, linear, pseudo_random, softening};
 
+use piola_mechanics::vector::norm_of;
+
 use super::tests::{Conditions, begin, block, go, initial, over};
 use super::*;
 use crate::march::{Advance, March as _};

@@ -10,6 +10,8 @@
 //! | `midpoint` | a step of the implicit midpoint rule |
 //! | `parameters` | of energies that change with time |
 //! | `advance` | goes from row to row |
+//! | `others` | other parts of a body that many processes share |
+//! | `flown` | points that fly off |
 //! | `snapshot` | where a motion stands, to go on from there with the same bits |
 //! | `error` | why a motion cannot start or go on |
 //!
@@ -23,7 +25,9 @@ pub mod balance;
 pub mod critical;
 mod dissipation;
 mod error;
+mod flown;
 mod midpoint;
+mod others;
 mod parameters;
 mod settings;
 mod snapshot;
@@ -37,7 +41,6 @@ mod tests;
 use std::time::{Duration, Instant};
 
 use piola_mechanics::energy::{Energy, NonFinite, Wanted};
-use piola_mechanics::vector::norm_of;
 
 use crate::constraint::Constraints;
 use crate::singular::Watched;
@@ -45,9 +48,12 @@ use crate::watch::{Event, Watch};
 use advance::LOOK;
 use balance::Balance;
 pub use balance::Row;
+use critical::Seconds;
 pub use critical::{CriticalStep, Precision, step_by_row_sums};
 use dissipation::Viscous;
 pub use error::{FlownOff, MotionError};
+use others::agreed;
+pub use others::{Nobody, Others};
 pub use settings::{Initial, Method, MotionDrive, MotionSettings};
 pub use snapshot::Snapshot;
 use verlet::{Kick, Sides, Summed, Sums, n_pieces};
@@ -64,10 +70,11 @@ pub fn n_steps(end: f64, step: f64) -> f64 {
     (end / step * (1.0 - ROUNDED)).ceil().max(1.0)
 }
 
-/// A body on its way in time.
-pub struct Motion<'a> {
+/// A body on its way in time, whole or one of the parts that [others](Others) are beside.
+pub struct Motion<'a, O = Nobody> {
     energy: &'a dyn Energy,
     drive: &'a dyn MotionDrive,
+    others: &'a O,
     watch: Watch,
     settings: MotionSettings,
     constraints: Constraints,
@@ -100,11 +107,17 @@ pub struct Motion<'a> {
     accelerations: Vec<f64>,
     /// A point that goes further than this in one step has flown off, in m.
     extent: f64,
+    /// How many degrees of freedom of the body are free.
+    n_free: usize,
+    /// The largest component of a velocity that the last kick led to, in m/s; not a number where some are not.
+    fastest: f64,
     pieces: Vec<Sums>,
     balance: Balance,
     notes: Vec<String>,
     /// Whether who looks on wanted an end.
     is_over: bool,
+    /// Whether they want one now.
+    wants_end: bool,
     /// What a snapshot knows before the row of an end between two rows.
     before_end: Option<BeforeRow>,
     /// Why there is no next step, told behind the row of the last one.
@@ -134,9 +147,35 @@ impl<'a> Motion<'a> {
         settings: &MotionSettings,
         watch: &Watch,
     ) -> Result<Motion<'a>, MotionError> {
-        let mut motion = Motion::of(energy, masses, initial, drive, settings, watch)?;
-        motion.place(0.0)?;
-        motion.set_parameters(0.0)?;
+        Motion::among(&Nobody, energy, masses, initial, drive, settings, watch)
+    }
+}
+
+impl<'a, O: Others> Motion<'a, O> {
+    /// The same of a part of a body, whose other parts other processes move: of the energies, displacements and
+    /// forces of this one those of the points that [count](Energy::counted) matter, and others come from where
+    /// they do. Rows are those of the whole body. Implicit rules, pauses and snapshots are of whole bodies alone.
+    /// Collective, as all that leads on.
+    ///
+    /// # Errors
+    /// As [`Motion::new`]; [`MotionError::Elsewhere`] where another part has one.
+    pub fn among(
+        others: &'a O,
+        energy: &'a dyn Energy,
+        masses: &[f64],
+        initial: Initial,
+        drive: &'a dyn MotionDrive,
+        settings: &MotionSettings,
+        watch: &Watch,
+    ) -> Result<Motion<'a, O>, MotionError> {
+        let placed = || {
+            let mut motion = Motion::of((energy, others), masses, initial, drive, settings, watch)?;
+            motion.place(0.0)?;
+            motion.set_parameters(0.0)?;
+            Ok(motion)
+        };
+        let mut motion = agreed(others, placed())?;
+        motion.join();
         motion.choose_step()?;
         motion.start()?;
         Ok(motion)
@@ -144,24 +183,32 @@ impl<'a> Motion<'a> {
 
     /// Before its first step, without forces.
     fn of(
-        energy: &'a dyn Energy,
+        (energy, others): (&'a dyn Energy, &'a O),
         masses: &[f64],
-        initial: Initial,
+        mut initial: Initial,
         drive: &'a dyn MotionDrive,
         settings: &MotionSettings,
         watch: &Watch,
-    ) -> Result<Motion<'a>, MotionError> {
+    ) -> Result<Motion<'a, O>, MotionError> {
         error::check(settings, masses)?;
         if settings.method == Method::Midpoint && energy.dissipation().is_some() {
             return Err(MotionError::ImplicitDissipation);
         }
         let (n, d) = (energy.positions().len(), energy.dimension());
         assert!(masses.len() * d == n && initial.displacements.len() == n, "a mass per point");
-        let fixed = drive.fixed();
+        // Points that others move are not free here, and have no velocity: what adds up knows nothing of them.
+        let counted = energy.counted();
+        let is_moved = |dof: &usize| !counted.contains(&(dof / d));
+        let moved = || (0..n).filter(is_moved);
+        moved().for_each(|dof| initial.velocities[dof] = 0.0);
+        let mut fixed = drive.fixed();
+        fixed.extend(moved());
+        fixed.sort_unstable();
         let constraints = Constraints::new(n, &fixed)?;
         Ok(Motion {
             energy,
             drive,
+            others,
             watch: watch.clone(),
             settings: *settings,
             critical: None,
@@ -183,11 +230,14 @@ impl<'a> Motion<'a> {
             displacements: vec![0.0; drive.displaced().len()],
             velocities: vec![0.0; drive.driven().len()],
             accelerations: vec![0.0; drive.accelerated().len()],
-            extent: extent(energy.positions(), d),
+            extent: 0.0,
+            n_free: 0,
+            fastest: 0.0,
             pieces: vec![Sums::default(); n_pieces(n)],
             balance: Balance::default(),
             notes: Vec::new(),
             is_over: false,
+            wants_end: watch.wants_end(),
             before_end: None,
             stopped: None,
             pauses: None,
@@ -292,7 +342,7 @@ impl<'a> Motion<'a> {
                 IMPLICIT_STEPS * self.settings.safety * critical
             }
             None if critical.is_finite() => self.settings.safety * critical,
-            None if self.constraints.n_free() == 0 => return Err(MotionError::NothingFree),
+            None if self.n_free == 0 => return Err(MotionError::NothingFree),
             None => return Err(MotionError::NoStiffness),
         };
         let mut count = n_steps(self.settings.end, wanted);
@@ -317,24 +367,41 @@ impl<'a> Motion<'a> {
         let is_below =
             |found: &CriticalStep| self.settings.step.is_some_and(|wanted| wanted <= found.seconds);
         let known = match self.settings.step {
-            Some(_) => self.look(LOOK).map_err(|cause| self.not_finite(cause))?,
+            Some(_) => self.look(LOOK)?,
             None => None,
         };
         let found = match known.filter(is_below) {
             Some(found) => Some(found),
-            None => self.look(Precision::default()).map_err(|cause| self.not_finite(cause))?,
+            None => self.look(Precision::default())?,
         };
         self.critical = found;
         Ok(found.map_or(f64::INFINITY, |found| found.seconds))
     }
 
-    fn look(&self, precision: Precision) -> Result<Option<CriticalStep>, NonFinite> {
-        let (now, masses) = ((&self.u.value[..], &self.v.value[..]), &self.masses);
-        CriticalStep::find_moving(self.energy, now, masses, &self.constraints, precision)
+    fn look(&self, precision: Precision) -> Result<Option<CriticalStep>, MotionError> {
+        let seconds = Seconds::of(self.energy, (&self.u.value, &self.v.value));
+        let seconds = agreed(self.others, seconds.map_err(|cause| self.not_finite(cause)))?;
+        let (d, masses) = (self.energy.dimension(), &self.masses);
+        Ok(seconds.critical(self.others, d, masses, &self.constraints, precision))
     }
 
     /// Forces at the start, and the velocity half a step before it.
     fn start(&mut self) -> Result<(), MotionError> {
+        let begun = self.begin();
+        agreed(self.others, begun)?;
+        if self.is_implicit() {
+            let free = self.constraints.free().iter();
+            let of = |dof: &usize| 0.5 * self.mass(*dof) * self.v.value[*dof] * self.v.value[*dof];
+            self.balance.begin(free.map(of).fold(0.0, |sum, part| sum + part));
+            return Ok(());
+        }
+        self.foresee_velocities();
+        let begun = self.ask_dissipation().and_then(|()| self.begin_leaps());
+        self.meet(begun)
+    }
+
+    /// What there is at the start: velocities, loads and forces, behind what breaks.
+    fn begin(&mut self) -> Result<(), MotionError> {
         self.ask_velocities(0.0)?;
         for (&dof, &value) in self.drive.driven().iter().zip(&self.velocities) {
             self.v.set(dof, value);
@@ -343,13 +410,11 @@ impl<'a> Motion<'a> {
         self.ask_loads(true)?;
         self.break_at_start()?;
         self.ask_forces(true)?;
-        if self.is_implicit() {
-            let free = self.constraints.free().iter();
-            let of = |dof: &usize| 0.5 * self.mass(*dof) * self.v.value[*dof] * self.v.value[*dof];
-            self.balance.begin(free.map(of).fold(0.0, |sum, part| sum + part));
-            return Ok(());
-        }
-        self.begin_dissipation()?;
+        if self.is_implicit() { Ok(()) } else { self.begin_dissipation() }
+    }
+
+    /// The velocity half a step before the start, and the first kick.
+    fn begin_leaps(&mut self) -> Result<(), MotionError> {
         let (c, dt) = (self.settings.damping, self.dt);
         if self.settings.method != Method::Kinematic {
             let over = 1.0 + c * dt * (self.settings.method.damped_part() - 0.5);
@@ -388,9 +453,11 @@ impl<'a> Motion<'a> {
     }
 
     fn ask_forces(&mut self, wants_energy: bool) -> Result<(), MotionError> {
-        let parts = if wants_energy { &mut self.parts[..] } else { &mut [] };
-        let evaluated =
-            self.energy.evaluate(&self.u.value, Wanted::Forces(&mut self.forces), parts);
+        let (u, forces) = (&self.u.value, &mut self.forces);
+        let evaluated = match wants_energy {
+            true => self.energy.counted_energy(u, Some(forces), &mut self.parts),
+            false => self.energy.evaluate(u, Wanted::Forces(forces), &mut []),
+        };
         evaluated.map_err(|cause| self.not_finite(cause))
     }
 
@@ -437,11 +504,8 @@ impl<'a> Motion<'a> {
         let mean = if wants_mean { &mut self.mean[..] } else { &mut [] };
         let sums = kick.apply(&mut self.v, mean, &mut self.pieces);
         let [prescribed, held] = self.kick_prescribed(wants_mean)?;
-        let fastest = self.dt * sums.fastest;
         // What is not a number is in the sum, what is too fast among the fastest.
-        if !(sums.kinetic.is_finite() && (fastest <= self.extent || self.stays_together())) {
-            return Err(self.flown_off());
-        }
+        self.fastest = if sums.kinetic.is_finite() { sums.fastest } else { f64::NAN };
         self.balance.arrive(self.dt, &sums, [prescribed, held]);
         Ok(())
     }
@@ -501,58 +565,4 @@ impl<'a> Motion<'a> {
         stored.add(self.forces[dof], before, after);
         lost.add(self.lost_force(dof), before, after);
     }
-
-    /// The velocity of the centre of mass in m/s.
-    fn drift_velocity(&self) -> Vec<f64> {
-        let d = self.energy.dimension();
-        let mass = self.masses.iter().fold(0.0, |sum, mass| sum + mass);
-        let mut drift = vec![0.0; d];
-        for (dof, v) in self.v.value.iter().enumerate() {
-            drift[dof % d] += self.mass(dof) * v;
-        }
-        drift.iter().map(|momentum| momentum / mass).collect()
-    }
-
-    /// Whether the body as a whole is so fast, and no point goes further than it is large as seen from its
-    /// centre of mass.
-    fn stays_together(&self) -> bool {
-        let (d, drift) = (self.energy.dimension(), self.drift_velocity());
-        self.v.value.iter().enumerate().all(|(dof, v)| {
-            let drift = drift[dof % d];
-            self.dt * (v - drift).abs() <= self.extent + ROUNDED * self.dt * drift.abs()
-        })
-    }
-
-    fn flown_off(&self) -> MotionError {
-        let (d, t) = (self.energy.dimension(), self.time(self.done));
-        if let Err(problem) = self.check_loads(t) {
-            return problem;
-        }
-        let drift = self.drift_velocity();
-        // Where nothing is a number, the first point stands for all.
-        let drift = |dof: usize| if drift[dof % d].is_finite() { drift[dof % d] } else { 0.0 };
-        let way = |dof: usize| self.dt * (self.v.value[dof] - drift(dof));
-        let far = |dof: &usize| if way(*dof).is_nan() { f64::INFINITY } else { way(*dof).abs() };
-        let farther = |one: &usize, other: &usize| far(one).total_cmp(&far(other));
-        // Of those that are equally far, the first.
-        let dof = (0..self.forces.len()).rev().max_by(farther).unwrap_or(0);
-        MotionError::FlownOff(Box::new(FlownOff {
-            t,
-            step: self.done,
-            point: dof / d,
-            way: norm_of(&(dof / d * d..dof / d * d + d).map(way).collect::<Vec<f64>>()),
-            extent: self.extent,
-            dt: self.dt,
-            critical: self.unstable_by_now(),
-        }))
-    }
-}
-
-/// The diagonal of the box around points, in m.
-fn extent(positions: &[f64], d: usize) -> f64 {
-    let side = |axis: usize| {
-        let along = || positions.iter().skip(axis).step_by(d).copied();
-        along().fold(f64::NEG_INFINITY, f64::max) - along().fold(f64::INFINITY, f64::min)
-    };
-    norm_of(&(0..d).map(side).collect::<Vec<f64>>())
 }

@@ -5,9 +5,11 @@
 //! changes by while the body moves is summed up; all else that it changes by, and that does not break or
 //! remember, is the work of changing the parameters.
 
-use super::{Motion, MotionError};
+use piola_mechanics::energy::total;
 
-impl Motion<'_> {
+use super::{Motion, MotionError, Others};
+
+impl<O: Others> Motion<'_, O> {
     /// Gives parameters their values at the `middle` of a step, in s; the energy in J before the body moves,
     /// where any change.
     pub(super) fn begin_way(&mut self, middle: f64) -> Result<Option<f64>, MotionError> {
@@ -41,7 +43,9 @@ impl Motion<'_> {
     }
 
     fn energy_now(&self) -> Result<f64, MotionError> {
-        let energy = self.energy.energy(&self.u.value).map_err(|cause| self.not_finite(cause))?;
-        Ok(energy.total())
+        let mut parts = vec![0.0; self.parts.len()];
+        let found = self.energy.counted_energy(&self.u.value, None, &mut parts);
+        found.map_err(|cause| self.not_finite(cause))?;
+        Ok(total(&parts))
     }
 }

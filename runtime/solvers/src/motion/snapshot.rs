@@ -7,6 +7,7 @@ use piola_mechanics::fracture::Fracture;
 use piola_mechanics::kernel::Measure;
 
 use super::balance::Balance;
+use super::others::Nobody;
 use super::{CriticalStep, Initial, Motion, MotionDrive, MotionError, MotionSettings};
 use crate::watch::Watch;
 
@@ -101,19 +102,6 @@ impl<'a> Motion<'a> {
         self.before_end.is_some()
     }
 
-    pub(super) fn numbers(&self) -> Vec<f64> {
-        let critical = self.critical.map_or([f64::NAN; 5], |found| {
-            let CriticalStep { seconds, frequency, viscosity, uncertainty, products } = found;
-            [seconds, frequency, viscosity, uncertainty, products as f64]
-        });
-        let (step, steps) = (self.done as f64, self.n_steps as f64);
-        let mut numbers = vec![step, steps, self.dt, self.least_critical];
-        numbers.extend(critical);
-        assert_eq!(numbers.len(), N_SCALARS, "as many as are read");
-        numbers.extend(self.balance.numbers());
-        numbers
-    }
-
     /// Goes on where a motion of the same body, conditions and settings stood: the next bits are
     /// those that it would have had.
     ///
@@ -137,7 +125,8 @@ impl<'a> Motion<'a> {
             return Err(other("its arrays are of another size"));
         }
         let start = Initial { displacements: u, velocities: v };
-        let mut motion = Motion::of(energy, masses, start, drive, settings, watch)?;
+        let mut motion = Motion::of((energy, &Nobody), masses, start, drive, settings, watch)?;
+        motion.join();
         (motion.u.low, motion.v.low) = (u_low, v_low);
         match &mut motion.viscous {
             Some(viscous) if before.len() == n => viscous.earlier = before,
@@ -189,5 +178,21 @@ impl<'a> Motion<'a> {
             motion.ask_displacements(motion.time(motion.done + 1))?;
         }
         Ok(motion)
+    }
+}
+
+impl<O> Motion<'_, O> {
+    /// Scalars of a snapshot.
+    pub(super) fn numbers(&self) -> Vec<f64> {
+        let critical = self.critical.map_or([f64::NAN; 5], |found| {
+            let CriticalStep { seconds, frequency, viscosity, uncertainty, products } = found;
+            [seconds, frequency, viscosity, uncertainty, products as f64]
+        });
+        let (step, steps) = (self.done as f64, self.n_steps as f64);
+        let mut numbers = vec![step, steps, self.dt, self.least_critical];
+        numbers.extend(critical);
+        assert_eq!(numbers.len(), N_SCALARS, "as many as are read");
+        numbers.extend(self.balance.numbers());
+        numbers
     }
 }

@@ -6,6 +6,8 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use piola_mechanics::testing::{SpringNetwork, limited, linear, pseudo_random, softening};
 
+use piola_mechanics::vector::norm_of;
+
 use super::*;
 use crate::march::{Advance, March as _};
 use crate::watch::Observer;

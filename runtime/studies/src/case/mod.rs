@@ -276,12 +276,13 @@ impl Case {
         self.potentials.iter().zip(self.places()).map(compile).collect()
     }
 
-    /// A slab of the body with what belongs to its points, but for a mesh: points `range` in the body's order.
+    /// A slab of the body with what belongs to its points, but for a mesh: points `range` in the body's order, of
+    /// which `own` count.
     #[cfg(feature = "petsc")]
-    pub(crate) fn part(&self, range: std::ops::Range<usize>) -> Case {
+    pub(crate) fn part(&self, range: std::ops::Range<usize>, own: std::ops::Range<usize>) -> Case {
         let horizon = self.scene.horizon_radius();
         Case {
-            body: Arc::new(self.body.part(range.clone(), horizon)),
+            body: Arc::new(self.body.part(range.clone(), own, horizon)),
             materials: self.materials.as_ref().map(|materials| Arc::new(materials.part(range))),
             // By the places that points have in the whole body.
             columns: self.columns.clone(),

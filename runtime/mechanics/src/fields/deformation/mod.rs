@@ -39,6 +39,7 @@ mod sweep;
 mod tests;
 mod words;
 
+use std::ops::Range;
 use std::sync::{Arc, OnceLock};
 
 use crate::assembly::error::check_neighbors;
@@ -390,6 +391,10 @@ impl DeformationEnergy {
 impl Energy for DeformationEnergy {
     fn dimension(&self) -> usize {
         self.body.dimension()
+    }
+
+    fn counted(&self) -> Range<usize> {
+        self.body.counted()
     }
 
     fn positions(&self) -> &[f64] {

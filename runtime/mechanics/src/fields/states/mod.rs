@@ -395,6 +395,10 @@ impl Energy for StateEnergy {
         self.body.dimension()
     }
 
+    fn counted(&self) -> Range<usize> {
+        self.body.counted()
+    }
+
     fn positions(&self) -> &[f64] {
         self.body.positions()
     }

@@ -23,6 +23,7 @@ mod error;
 mod linear;
 mod passes;
 
+use std::ops::Range;
 use std::sync::{Arc, OnceLock};
 
 use piola_compiler::VectorKernels;
@@ -257,6 +258,10 @@ fn of_directions(body: &Arc<Body>) -> Materials {
 impl Energy for VectorEnergy {
     fn dimension(&self) -> usize {
         self.body.dimension()
+    }
+
+    fn counted(&self) -> Range<usize> {
+        self.body.counted()
     }
 
     fn positions(&self) -> &[f64] {

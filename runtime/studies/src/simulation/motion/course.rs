@@ -127,13 +127,13 @@ impl<'a> Failing<'a> {
 
 /// The largest part of an account of energy that does not close, and the largest of its energies, in J.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Unclosed {
-    pub(super) rounding: f64,
-    pub(super) largest: f64,
+pub(in crate::simulation) struct Unclosed {
+    pub(in crate::simulation) rounding: f64,
+    pub(in crate::simulation) largest: f64,
 }
 
 impl Unclosed {
-    pub(super) fn note(&mut self, row: &Row) {
+    pub(in crate::simulation) fn note(&mut self, row: &Row) {
         let energies = [row.kinetic, row.external, row.prescribed, row.damping];
         let largest = energies.iter().fold(row.energy.magnitude(), |most, x| most.max(x.abs()));
         self.largest = self.largest.max(largest);
@@ -141,7 +141,7 @@ impl Unclosed {
     }
 
     /// One over the other.
-    pub(super) fn share(self) -> f64 {
+    pub(in crate::simulation) fn share(self) -> f64 {
         if self.largest > 0.0 { self.rounding / self.largest } else { 0.0 }
     }
 }

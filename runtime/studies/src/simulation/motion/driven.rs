@@ -17,7 +17,7 @@ pub(in crate::simulation) struct Driven<'a> {
 }
 
 impl<'a> Driven<'a> {
-    pub(super) fn new(
+    pub(in crate::simulation) fn new(
         conditions: MotionConditions<'a>,
         fields: &'a FieldsInTime<'a>,
     ) -> Driven<'a> {
@@ -25,12 +25,12 @@ impl<'a> Driven<'a> {
     }
 
     /// The condition that was not finite when the solver asked for it.
-    pub(super) fn problem(&self) -> Option<NonFiniteCondition> {
+    pub(in crate::simulation) fn problem(&self) -> Option<NonFiniteCondition> {
         self.conditions.problem()
     }
 
     /// The parameter that could not be when the solver asked for it.
-    pub(super) fn wrong_parameter(&self) -> Option<WrongField> {
+    pub(in crate::simulation) fn wrong_parameter(&self) -> Option<WrongField> {
         self.wrong.lock().unwrap_or_else(PoisonError::into_inner).take()
     }
 }

@@ -1,10 +1,11 @@
 //! A body in motion: integration in time, and everything it leaves in the output folder.
 
 mod cost;
-mod course;
-mod driven;
+pub(super) mod course;
+pub(super) mod driven;
 mod ready;
 mod recorder;
+pub(super) mod told;
 
 use std::borrow::Cow;
 use std::ops::ControlFlow;

@@ -4,21 +4,16 @@ use std::borrow::Cow;
 
 use piola_mechanics::energy::Energy as _;
 use piola_mechanics::interaction::Inverted;
-use piola_mechanics::kernel::Measure;
-use piola_mechanics::words::Words;
 use piola_output::checkpoint::{Checkpoint, Header};
-use piola_output::motion::{
-    BrokenRow, MotionColumns, MotionEnergies, MotionRow, MotionSummary, MotionTables,
-};
+use piola_output::motion::{MotionColumns, MotionSummary, MotionTables};
 use piola_output::picture::{Charts, Picture};
 use piola_output::pvd::FrameSeries;
-use piola_output::summary::Number;
 use piola_output::{Frame, OutputError, OutputFile, OutputFolder, Points, table};
 use piola_solvers::march::State;
 use piola_solvers::motion::{self, Row, Snapshot};
 
 use super::course::Unclosed;
-use super::ready::frames;
+use super::told::{self, Seen};
 use crate::scene::Motion;
 use crate::simulation::point_fields::PointFields;
 use crate::simulation::run::{Origin, frame};
@@ -40,27 +35,9 @@ pub(super) fn header(origin: Origin<'_>, hash: &str) -> Header {
     Header { scene, settings, scene_hash: hash.to_owned(), ..Header::default() }
 }
 
-impl PointFields<'_> {
-    fn remembers(&self) -> bool {
-        self.energy.fracture().is_some_and(|fracture| fracture.n_states() > 0)
-    }
-
-    /// What the tables of the motion have columns for.
-    fn columns(&self, tracks: Option<&Tracks<'_>>) -> MotionColumns {
-        MotionColumns {
-            dimension: self.case.body.dimension(),
-            parts: self.energy.parts().to_vec(),
-            sets: self.selection.sets.iter().map(|set| set.name.clone()).collect(),
-            probes: self.selection.probes.iter().map(|probe| probe.name.clone()).collect(),
-            parameters_change: self.case.parameters_change(),
-            breaks: self.energy.fracture().is_some(),
-            breaks_cliques: [Measure::Area, Measure::Volume].map(|measure| {
-                self.energy.fracture().is_some_and(|fracture| fracture.counts_of(measure).is_some())
-            }),
-            remembers: self.remembers(),
-            fracture: tracks.map(Tracks::columns),
-        }
-    }
+fn columns(fields: &PointFields<'_>, tracks: Option<&Tracks<'_>>) -> MotionColumns {
+    let PointFields { case, energy, selection, .. } = *fields;
+    told::columns(case, energy, selection, tracks.map(Tracks::columns))
 }
 
 /// Writes what the rows bring.
@@ -102,7 +79,7 @@ const TRACKS: &str = "tracks";
 
 impl<'a> Recorder<'a> {
     pub(super) fn new(run: Run<'a>, known: Header) -> Result<Recorder<'a>, OutputError> {
-        let columns = run.fields.columns(run.tracks.as_ref());
+        let columns = columns(&run.fields, run.tracks.as_ref());
         let tables = MotionTables::new(run.folder, &columns)?;
         let frames = FrameSeries::new(run.folder, run.points)?;
         Ok(Recorder::with(run, known, frames, tables))
@@ -130,7 +107,7 @@ impl<'a> Recorder<'a> {
             let path = run.folder.path_of(OutputFile::Checkpoint);
             tracks.resume(progress.ok_or(OutputError::Checkpoint { path })?);
         }
-        let columns = run.fields.columns(run.tracks.as_ref());
+        let columns = columns(&run.fields, run.tracks.as_ref());
         let tables = MotionTables::resume(run.folder, &columns, &earlier.header.tables)?;
         let frames = FrameSeries::resume(run.folder, run.points, times)?;
         let mut recorder = Recorder::with(run, known, frames, tables);
@@ -217,33 +194,14 @@ impl<'a> Recorder<'a> {
         self.before = self.mark();
         let residual: Vec<f64> =
             state.internal_forces.iter().zip(state.loads).map(|(g, f)| g - f).collect();
-        let written = MotionRow {
-            step: row.step,
-            t: row.t,
-            kinetic: row.kinetic,
-            kinetic_leapfrog: row.kinetic_leapfrog,
-            parts: row.energy.iter().map(|(_, value)| value).collect(),
-            damping: row.damping,
-            external: row.external,
-            prescribed: row.prescribed,
-            quadrature: row.quadrature,
-            rounding: row.rounding,
-            parameters: row.parameters,
-            broken: row.broken.map(|bonds| BrokenRow {
-                bonds,
-                cliques: row.broken_cliques,
-                released: row.released,
-                dissipated: self.fields.remembers().then_some(row.dissipated),
-                timing: row.timing,
-            }),
-            momentum: row.momentum.clone(),
-            angular_momentum: row.angular_momentum.clone(),
+        let seen = Seen {
             reactions: selection.reactions(&residual, d),
             probes: selection.displacements(state.displacements, d),
             fracture: self.tracks.as_mut().map(|tracks| tracks.row(row.t, row.released)),
         };
+        let written = told::row(row, self.fields.energy, seen);
         self.worst.note(row);
-        let is_due = self.is_due(row.t);
+        let is_due = told::is_due(case, self.frames.n_frames(), row.t);
         // Of large bodies one frame is enough in memory.
         self.last = None;
         let mut now = frame(case, row.t, state.displacements, &residual);
@@ -262,15 +220,6 @@ impl<'a> Recorder<'a> {
         Ok(())
     }
 
-    /// Frames are written at the first rows at or behind times that divide the way evenly.
-    fn is_due(&self, t: f64) -> bool {
-        let Some(motion) = &self.fields.case.scene.motion else { return false };
-        let frames = frames(self.fields.case, motion);
-        // The last row meets the end exactly, the others up to rounding.
-        let reached = (t / motion.end * frames * (1.0 + 1e-12)).floor() as usize;
-        reached >= self.frames.n_frames()
-    }
-
     pub(super) fn summary(
         &self,
         motion: &motion::Motion<'_>,
@@ -278,33 +227,9 @@ impl<'a> Recorder<'a> {
         scene: &Motion,
     ) -> Option<MotionSummary> {
         let (row, _) = self.last.as_ref()?;
-        let finite = |x: f64| x.is_finite().then_some(Number(x));
-        Some(MotionSummary {
-            method: scene.method.word().to_string(),
-            step_seconds: Number(motion.step()),
-            critical_step_seconds: motion.critical().map(|found| Number(found.seconds)),
-            least_critical_step_seconds: finite(motion.least_critical()),
-            steps: motion.n_steps(),
-            steps_made: row.step,
-            t: Number(row.t),
-            mass: Number(masses.iter().fold(0.0, |sum, mass| sum + mass)),
-            energies: MotionEnergies {
-                kinetic: Number(row.kinetic),
-                stored: Number(row.energy.total()),
-                damping: Number(row.damping),
-                external: Number(row.external),
-                prescribed: Number(row.prescribed),
-                quadrature: Number(row.quadrature),
-                parameters: row.parameters.map(Number),
-                released: row.broken.map(|_| Number(row.released)),
-                dissipated: self.fields.remembers().then_some(Number(row.dissipated)),
-                broken_bonds: row.broken,
-                broken_areas: row.broken_cliques[0],
-                broken_volumes: row.broken_cliques[1],
-            },
-            resumed_at_step: self.resumed,
-            rounding: Number(self.worst.share()),
-        })
+        let mass = masses.iter().fold(0.0, |sum, mass| sum + mass);
+        let told = (row, self.worst.share(), self.resumed);
+        Some(told::summary((scene, motion), told, self.fields.energy, mass))
     }
 
     /// What is turned inside out at the last row.
@@ -322,7 +247,7 @@ impl<'a> Recorder<'a> {
             self.frames.push(&last)?;
         }
         table::write_displacement(self.folder, self.points, &last.displacement)?;
-        let columns = self.fields.columns(self.tracks.as_ref());
+        let columns = columns(&self.fields, self.tracks.as_ref());
         let [energies, probes] = MotionTables::series(self.folder, &columns)?;
         let (sets, colour) = (self.fields.named_sets(), self.fields.colour(&last));
         let title = &self.fields.case.headline(title, self.fields.energy.parts());

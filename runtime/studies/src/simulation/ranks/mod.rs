@@ -2,10 +2,12 @@
 //!
 //! | module | does |
 //! |---|---|
+//! | `exchange` | numbers of the halo's points from their owners |
 //! | `share` | which points are whose, and how far a halo reaches |
 //! | `rows` | whole rows of the tangent of own points |
 //! | `slab` | forces and tangent of own points, as PETSc asks for them |
 //! | `steps` | load steps |
+//! | `moves` | bodies in motion |
 //! | `record` | sums over all ranks, and what rank 0 writes of them |
 //!
 //! Energies, kernels and neighbourhoods are those of a run by one process, of the part of the body that a rank holds:
@@ -13,12 +15,15 @@
 //! whose points the displacements come from their owners. Newton's method, Krylov methods and multigrid are PETSc's.
 //! All ranks read the scene and its points; from then on each keeps neighbours and tangent of its part alone.
 
+mod exchange;
+mod moves;
 mod record;
 mod rows;
 mod share;
 mod slab;
 mod steps;
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use piola_grammar::counted;
@@ -31,12 +36,13 @@ use piola_output::summary::{ExitReason, FNV1A64_OF_NOTHING, PhaseClock, SolverSu
 use piola_output::{OutputFolder, Points};
 pub use piola_petsc::Engine;
 use piola_solvers::Watch;
+use piola_solvers::motion::Method;
 use piola_solvers::steps::{Control, Find};
 
 use super::point_fields::PointFields;
 use super::run::frames::is_due;
 use super::run::{Ending, RunError, RunOptions, enter};
-use crate::case::{Case, CaseError};
+use crate::case::{Case, CaseError, FieldsInTime, Potential};
 use crate::scene::boundary::BoundaryConditions;
 use crate::scene::selection::{PointSet, Selection};
 use crate::scene::{Scene, SolverSettings};
@@ -45,7 +51,7 @@ use share::{Share, reach};
 use slab::Slab;
 use steps::{Found, LoadSteps, Solves, agreed, lost};
 
-/// Runs the load steps of a case over all ranks of an engine. All of them call it with the same case; rank 0 has the
+/// Runs a case over all ranks of an engine: its load steps or its motion. All of them call it with the same case; rank 0 has the
 /// folder, and alone writes. Collective.
 ///
 /// # Errors
@@ -69,57 +75,101 @@ pub fn run(
     let held = agreed(engine, held.map_err(CaseError::from))?;
     let share = Share::of(&case.body, reach(case), (engine.rank(), engine.ranks()));
     let part = part_of(case, engine, &share)?;
-    let own_selection = selection_of(&selection, &share);
+    let of_held = selection_of(&selection, &share, share.held.clone());
     let (energy, fields) = agreed(engine, part.solved_energy(compiled))?;
-    let boundary = BoundaryConditions::new(&part.scene, &part.body, &own_selection);
+    let begun = Begun {
+        engine,
+        case,
+        folder,
+        options,
+        watch,
+        share: &share,
+        part: &part,
+        selection: &selection,
+        held: &of_held,
+        boundary: &held,
+        energy: &energy,
+        fields: &fields,
+    };
+    match &case.scene.motion {
+        Some(scene) => moves::run(&begun, scene, clock),
+        None => load_steps(&begun, clock),
+    }
+}
+
+/// A case that is made ready on a rank.
+struct Begun<'a> {
+    engine: &'a Engine,
+    /// Of the whole body.
+    case: &'a Case,
+    /// On rank 0.
+    folder: Option<&'a OutputFolder>,
+    options: RunOptions<'a>,
+    watch: &'a Watch,
+    share: &'a Share,
+    /// Of what the rank holds, and its energy.
+    part: &'a Case,
+    energy: &'a Total<'a>,
+    fields: &'a FieldsInTime<'a>,
+    /// What sets and probes are in the whole body, and what of sets the rank holds.
+    selection: &'a Selection,
+    held: &'a Selection,
+    /// Conditions of the whole body.
+    boundary: &'a BoundaryConditions<'a>,
+}
+
+/// Solves the load steps. Collective.
+fn load_steps(begun: &Begun<'_>, mut clock: PhaseClock) -> Result<Ending, RunError> {
+    let Begun { engine, case, folder, watch, share, part, selection, energy, fields, .. } = *begun;
+    let boundary = BoundaryConditions::new(&part.scene, &part.body, begun.held);
     let boundary = agreed(engine, boundary.map_err(CaseError::from))?;
     let tolerance = case.scene.solver.tolerance;
     let mut slab =
-        Slab::new((engine, &share), &energy, boundary.fixed_dofs(), tolerance).map_err(lost)?;
-    let newton = slab.solver(&share).map_err(lost)?;
+        Slab::new((engine, share), energy, boundary.fixed_dofs(), tolerance).map_err(lost)?;
+    let newton = slab.solver(share).map_err(lost)?;
     let points = folder.map(|_| {
         let points = Points::of(&case.body).with_mesh(case.mesh.clone());
-        points.with_held(&case.body, held.fixed_dofs())
+        points.with_held(&case.body, begun.boundary.fixed_dofs())
     });
     let resolved = case.scene.resolved_toml();
-    let begun = match (folder, &points) {
+    let made = match (folder, &points) {
         (Some(folder), Some(points)) => {
-            let recorder = Recorder::new((case, &selection), energy.parts(), folder, points);
+            let recorder = Recorder::new((case, selection), energy.parts(), folder, points);
             recorder.and_then(|one| one.keep_scene(&resolved).map(|()| Some(one)))
         }
         _ => Ok(None),
     };
-    let mut recorder = agreed(engine, begun.map_err(RunError::from))?;
+    let mut recorder = agreed(engine, made.map_err(RunError::from))?;
     enter(&mut clock, watch, "solve");
     let n = share.own.len() * case.body.dimension();
     let given = vec![0.0; part.body.positions().len()];
     let mut steps = LoadSteps {
         engine,
-        case: &part,
+        case: part,
         slab: &mut slab,
         newton,
         boundary: &boundary,
-        fields: &fields,
+        fields,
         u: vec![0.0; n],
         given,
         t: 0.0,
         solves: Solves::default(),
     };
-    let here =
-        PointFields { case: &part, energy: &energy, selection: &own_selection, masses: None };
-    let shown = |slab: &Slab<'_>| Shown::of(engine, (here, &case.body), (slab, &share));
-    let sums = |slab: &Slab<'_>| Sums::of(engine, &energy, (slab, &share), (case, &selection));
+    let here = PointFields { case: part, energy, selection: begun.held, masses: None };
+    let shown =
+        |slab: &Slab<'_>| Shown::of(engine, (here, &case.body), share, slab.frame(&part.body));
+    let sums = |slab: &Slab<'_>| Sums::of(engine, energy, (slab, share), (case, selection));
     let residual = |slab: &Slab<'_>| -> Vec<f64> {
         slab.own_forces().iter().zip(slab.loads()).map(|(g, f)| g - f).collect()
     };
     let is_known = steps.rest()?;
     let (at_rest, fields) = (is_known.then(|| sums(steps.slab)), shown(steps.slab));
     let still = if is_known { residual(steps.slab) } else { vec![0.0; n] };
-    let begun = match (&mut recorder, gathered(engine, &still)) {
+    let at_start = match (&mut recorder, gathered(engine, &still)) {
         (Some(recorder), Some(still)) => recorder.begin(at_rest, (&still, fields)),
         _ => Ok(()),
     };
-    agreed(engine, begun.map_err(RunError::from))?;
+    agreed(engine, at_start.map_err(RunError::from))?;
     // Ends of increments so far, and whether the last equilibrium was a frame.
     let (mut nominal, mut framed) = (0, false);
     let mut see = |steps: &mut LoadSteps<'_, '_>, found: Found| {
@@ -157,7 +207,7 @@ pub fn run(
     }
     enter(&mut clock, watch, "output");
     let (t, solves) = (steps.t, steps.solves);
-    let bonds = bonds(engine, &energy, &share);
+    let bonds = bonds(engine, energy, share);
     let unused = engine.unused_options().map_err(lost)?;
     let done = recorder.as_ref().map_or(0, Recorder::steps);
     let ending = Ending {
@@ -176,8 +226,8 @@ pub fn run(
     let written = match recorder {
         Some(recorder) => {
             let solver = solver_summary(solves);
-            let told = (&ending, options);
-            recorder.finish(&energy, told, (solver, bonds), (&resolved, clock))
+            let told = (&ending, begun.options.clone());
+            recorder.finish(energy, told, (solver, bonds), (&resolved, clock))
         }
         None => Ok(()),
     };
@@ -217,14 +267,32 @@ fn warnings(scene: &Scene, unused: &[String]) -> Vec<String> {
 fn refuse(case: &Case, engine: &Engine) -> Result<(), CaseError> {
     let scene = &case.scene;
     let n = case.body.n_points();
+    let (motion, families) = (scene.motion.as_ref(), Potential::has_families);
+    let breaks_by_families = |one: &Potential| !one.model.family_breaks().is_empty();
     let cannot = [
-        (scene.motion.is_some(), "bodies in motion run in one process: leave --petsc out"),
         (
-            case.can_break() || case.n_states() > 0,
-            "bodies that break or remember run in one process: leave --petsc out",
+            motion.is_none() && (case.can_break() || case.n_states() > 0),
+            "load steps of bodies that break or remember run in one process: leave --petsc out",
         ),
         (
-            scene.steps.find != Find::Newton || scene.steps.control != Control::Load,
+            motion.is_some_and(|motion| motion.method == Method::Midpoint),
+            "motions by the midpoint rule run in one process: leave --petsc out, or take an explicit method",
+        ),
+        (
+            case.potentials.iter().any(breaks_by_families),
+            "bodies that break by F or by gathered values run in one process: leave --petsc out",
+        ),
+        (
+            case.n_states() > 0 && case.potentials.iter().any(families),
+            "families that remember run in one process: leave --petsc out",
+        ),
+        (
+            !scene.tracks.is_empty(),
+            "cracks are followed in one process: leave --petsc out, or the [[track]]s of the scene",
+        ),
+        (
+            motion.is_none()
+                && (scene.steps.find != Find::Newton || scene.steps.control != Control::Load),
             "over ranks equilibria are found by Newton's method at given loads: leave `find` and `control` out of [steps]",
         ),
     ];
@@ -243,7 +311,7 @@ fn refuse(case: &Case, engine: &Engine) -> Result<(), CaseError> {
 /// The part of a case that a rank holds. Where weights compare a point's family with the largest of the body, it knows
 /// that, too. Collective.
 fn part_of(case: &Case, engine: &Engine, share: &Share) -> Result<Case, RunError> {
-    let mut part = case.part(share.held.clone());
+    let mut part = case.part(share.held.clone(), share.own.clone());
     if case.scene.horizon.weights == Weights::Truncated {
         let found = Neighborhood::new(&part.body, case.scene.horizon_radius());
         let found = agreed(engine, found.map_err(AssemblyError::from).map_err(CaseError::from))?;
@@ -255,14 +323,15 @@ fn part_of(case: &Case, engine: &Engine, share: &Share) -> Result<Case, RunError
     Ok(part)
 }
 
-/// What of sets a rank holds, with the volumes of whole sets; probes are looked up in the whole body.
-fn selection_of(selection: &Selection, share: &Share) -> Selection {
+/// What of sets is among some of the points that a rank holds, with the volumes of whole sets; probes are looked up in
+/// the whole body.
+fn selection_of(selection: &Selection, share: &Share, range: Range<usize>) -> Selection {
     let of = |set: &PointSet| PointSet {
         name: set.name.clone(),
         points: set
             .points
             .iter()
-            .filter(|point| share.held.contains(point))
+            .filter(|point| range.contains(point))
             .map(|point| point - share.held.start)
             .collect(),
         volume: set.volume,

@@ -43,12 +43,9 @@ impl Sums {
         let (forces, loads) = (slab.own_forces(), slab.loads());
         let inner = share.own_of_held();
         let u = &slab.local()[inner.start * d..inner.end * d];
-        let mut numbers = Vec::new();
-        let mut shares = vec![0.0; share.held.len()];
-        for part in 0..energy.parts().len() {
-            let known = energy.shares_of(part, slab.local(), &mut shares);
-            let sum = shares[inner.clone()].iter().fold(0.0, |sum, share| sum + share);
-            numbers.push(if known.is_ok() { sum } else { f64::NAN });
+        let mut numbers = vec![0.0; energy.parts().len()];
+        if energy.counted_energy(slab.local(), None, &mut numbers).is_err() {
+            numbers.fill(f64::NAN);
         }
         let volumes = case.body.volumes();
         type OfPoint<'f> = &'f dyn Fn(usize, usize, &PointSet) -> f64;
@@ -102,17 +99,14 @@ pub(super) struct Shown {
 }
 
 impl Shown {
-    /// Those of the last evaluation, worked out by `here` from what a rank holds; `body` is the whole one. Collective.
+    /// Those that `here` works out of `now`, a frame of what a rank holds; `body` is the whole one. Collective.
     pub(super) fn of(
         engine: &Engine,
         (here, body): (PointFields<'_>, &Body),
-        (slab, share): (&Slab<'_>, &Share),
+        share: &Share,
+        mut now: Frame,
     ) -> Shown {
-        let (held, d, own) = (&here.case.body, body.dimension(), share.own_of_held());
-        let mut residual = vec![0.0; slab.local().len()];
-        let own_residual = slab.own_forces().iter().zip(slab.loads()).map(|(g, f)| g - f);
-        residual[own.start * d..own.end * d].iter_mut().zip(own_residual).for_each(|(r, x)| *r = x);
-        let mut now = Frame::of(held, 0.0, slab.local(), &residual);
+        let (held, own) = (&here.case.body, share.own_of_held());
         here.fill(&mut now);
         let whole = |values: &[f64], components: usize| -> Vec<f64> {
             let all = held.from_user_order(values, components);
@@ -129,6 +123,13 @@ impl Shown {
             PointField { values, ..field }
         });
         Shown { fields: fields.collect(), colour }
+    }
+}
+
+impl Shown {
+    /// Fields, and what the colours show.
+    pub(super) fn into_parts(self) -> (Vec<PointField>, Option<Colour>) {
+        (self.fields, self.colour)
     }
 }
 

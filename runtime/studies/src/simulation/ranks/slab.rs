@@ -1,9 +1,12 @@
 //! What a rank evaluates: energy, forces and tangent of the points that it holds, of which those of its own count.
 
+use piola_mechanics::body::Body;
 use piola_mechanics::energy::{Energy as _, NonFinite, Total, Wanted};
 use piola_mechanics::matrix::BlockMatrix;
-use piola_petsc::{Engine, EngineError, Halo, Newton, Problem, Refusal};
+use piola_output::Frame;
+use piola_petsc::{Engine, EngineError, Newton, Problem, Refusal};
 
+use super::exchange::Exchange;
 use super::rows::OwnRows;
 use super::share::Share;
 
@@ -11,7 +14,7 @@ use super::share::Share;
 pub(super) struct Slab<'a> {
     engine: &'a Engine,
     energy: &'a Total<'a>,
-    halo: Halo<'a>,
+    exchange: Exchange<'a>,
     d: usize,
     /// The first degree of freedom of its own points, of all that are held.
     first_own: usize,
@@ -26,7 +29,6 @@ pub(super) struct Slab<'a> {
     /// What is compared with the forces.
     tolerance: f64,
     local: Vec<f64>,
-    exchanged: Vec<f64>,
     forces: Vec<f64>,
     /// Of the present solve: 2-norms of the free residual in N, and over the larger of reactions and loads.
     pub(super) residuals: Vec<[f64; 2]>,
@@ -47,14 +49,13 @@ impl<'a> Slab<'a> {
     ) -> Result<Slab<'a>, EngineError> {
         let d = energy.dimension();
         let own = share.own_of_held();
-        let halo = Halo::new(engine, &share.ranges, &share.ghosts(), d)?;
         let n = energy.positions().len();
         let mut is_fixed = vec![false; n];
         fixed.iter().for_each(|dof| is_fixed[*dof] = true);
         Ok(Slab {
             engine,
             energy,
-            halo,
+            exchange: Exchange::new(engine, share, d)?,
             d,
             first_own: own.start * d,
             rows: OwnRows::new(energy.pattern(), own.clone(), share.held.start),
@@ -64,7 +65,6 @@ impl<'a> Slab<'a> {
             loads: vec![0.0; own.len() * d],
             tolerance,
             local: vec![0.0; n],
-            exchanged: vec![0.0; n],
             forces: vec![0.0; n],
             residuals: Vec::new(),
             found: None,
@@ -138,6 +138,14 @@ impl<'a> Slab<'a> {
         &self.local
     }
 
+    /// What is held of `body` at the last evaluation, with residuals of own points.
+    pub(super) fn frame(&self, body: &Body) -> Frame {
+        let mut residual = vec![0.0; self.local.len()];
+        let own = self.own_forces().iter().zip(&self.loads).map(|(g, f)| g - f);
+        residual[self.own()].iter_mut().zip(own).for_each(|(r, x)| *r = x);
+        Frame::of(body, 0.0, &self.local, &residual)
+    }
+
     /// Own displacements as they are with what is prescribed.
     pub(super) fn settle(&self, u: &mut [f64]) {
         let (own, fixed) = (self.own(), &self.is_fixed);
@@ -148,18 +156,12 @@ impl<'a> Slab<'a> {
 
     /// Displacements of all that are held, from those of its own. Collective.
     fn bring(&mut self, u: &[f64]) -> Result<(), EngineError> {
-        let (own, n) = (self.own(), u.len());
-        self.exchanged[..n].copy_from_slice(u);
-        for (k, dof) in own.clone().enumerate().filter(|(_, dof)| self.is_fixed[*dof]) {
-            self.exchanged[k] = self.prescribed[dof];
+        let own = self.own();
+        self.local[own.clone()].copy_from_slice(u);
+        for dof in own.filter(|dof| self.is_fixed[*dof]) {
+            self.local[dof] = self.prescribed[dof];
         }
-        self.halo.fill(&mut self.exchanged)?;
-        let (mine, ghosts) = self.exchanged.split_at(n);
-        let (before, behind) = ghosts.split_at(own.start);
-        self.local[..own.start].copy_from_slice(before);
-        self.local[own.clone()].copy_from_slice(mine);
-        self.local[own.end..].copy_from_slice(behind);
-        Ok(())
+        self.exchange.fill(&mut self.local)
     }
 
     /// Forces at own displacements, and the tangent. Collective up to the evaluation, which fails on its own.

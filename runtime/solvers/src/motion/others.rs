@@ -1,0 +1,113 @@
+//! Bodies that many processes share: each moves a part, and hears of the others.
+//!
+//! Displacements of points that others move come once a step, and velocities where bonds dissipate; at its end all
+//! hear whether one has failed, stops or wants an end, and how fast the fastest point is. Sums of the account are of
+//! own points, and are added up where a row is due. What breaks is not told: whoever holds an interaction judges it
+//! by the same numbers, and finds the same.
+
+use super::{Motion, MotionError};
+use crate::watch::Event;
+
+/// The other parts of a body. Its functions are collective: all parts call the same ones in the same order.
+pub trait Others {
+    /// The number of the first point that this part holds, among all of the body.
+    fn first(&self) -> usize;
+
+    /// Gives the points that do not count here the numbers that they have where they do; `values` are `n x d`.
+    fn bring(&self, values: &mut [f64]);
+
+    /// Replaces every number by its sum over the parts, with the same bits in all of them.
+    fn sum(&self, numbers: &mut [f64]);
+
+    /// Replaces every number by its greatest over the parts; not a number where one part has that.
+    fn max(&self, numbers: &mut [f64]);
+}
+
+/// Of a body that is whole: there is no other part.
+#[derive(Clone, Copy, Debug)]
+pub struct Nobody;
+
+impl Others for Nobody {
+    fn first(&self) -> usize {
+        0
+    }
+
+    fn bring(&self, _: &mut [f64]) {}
+
+    fn sum(&self, _: &mut [f64]) {}
+
+    fn max(&self, _: &mut [f64]) {}
+}
+
+/// What this part has, where all others have theirs, too.
+pub(super) fn agreed<T>(
+    others: &dyn Others,
+    own: Result<T, MotionError>,
+) -> Result<T, MotionError> {
+    let mut fails = [flag(own.is_err())];
+    others.max(&mut fails);
+    own.and_then(|own| if fails == [0.0] { Ok(own) } else { Err(MotionError::Elsewhere) })
+}
+
+/// As a number that is added up and compared.
+fn flag(is_so: bool) -> f64 {
+    f64::from(u8::from(is_so))
+}
+
+impl<O: Others> Motion<'_, O> {
+    /// Learns of the whole body: how large it is, how much of it is free, and where its other points are.
+    pub(super) fn join(&mut self) {
+        let d = self.energy.dimension();
+        let along = |axis: usize| self.energy.positions().iter().skip(axis).step_by(d).copied();
+        let ends = |axis: usize| {
+            [
+                along(axis).fold(f64::NEG_INFINITY, f64::max),
+                -along(axis).fold(f64::INFINITY, f64::min),
+            ]
+        };
+        let mut ends: Vec<f64> = (0..d).flat_map(ends).collect();
+        self.others.max(&mut ends);
+        let sides = ends.chunks(2).map(|ends| ends[0] + ends[1]);
+        self.extent = sides.fold(0.0, |sum, side| sum + side * side).sqrt();
+        let mut free = [self.constraints.n_free() as f64];
+        self.others.sum(&mut free);
+        self.n_free = free[0] as usize;
+        self.others.bring(&mut self.u.value);
+    }
+
+    /// At the end of a step: whether all parts have made it, and no point has flown off.
+    ///
+    /// # Errors
+    /// What this part or another has found.
+    pub(super) fn meet<T>(&mut self, went: Result<T, MotionError>) -> Result<T, MotionError> {
+        if went.is_ok() && self.done > 0 {
+            let (t, n_steps) = (self.time(self.done), self.n_steps);
+            self.watch.notice(Event::Moved { t, step: self.done, n_steps });
+        }
+        let wants_end = flag(self.watch.wants_end());
+        let mut news = [flag(went.is_err()), wants_end, self.fastest];
+        self.others.max(&mut news);
+        let [fails, wants_end, fastest] = news;
+        let went = went?;
+        if fails > 0.0 {
+            return Err(MotionError::Elsewhere);
+        }
+        self.wants_end = wants_end > 0.0;
+        if !(fastest.is_finite() && (self.dt * fastest <= self.extent || self.stays_together())) {
+            return Err(self.flown_off());
+        }
+        Ok(went)
+    }
+
+    /// Stops where another part stops, because families there have become too small.
+    pub(super) fn hear_of_stops(&mut self) {
+        if !self.families.end_motions() || self.energy.fracture().is_none() {
+            return;
+        }
+        let mut stops = [flag(self.stopped.is_some())];
+        self.others.max(&mut stops);
+        if stops[0] > 0.0 && self.stopped.is_none() {
+            self.stopped = Some(MotionError::Elsewhere);
+        }
+    }
+}

@@ -1,0 +1,375 @@
+//! Bodies in motion over ranks: each moves its own points, and rank 0 writes.
+
+use piola_grammar::counted;
+use piola_mechanics::energy::{Energy as _, Total};
+use piola_mechanics::fracture::Fracture;
+use piola_mechanics::interaction::Inverted;
+use piola_mechanics::kernel::Measure;
+use piola_output::fracture::{FractureColumns, FractureRow};
+use piola_output::motion::{MotionColumns, MotionTables};
+use piola_output::picture::{Charts, Colour, Picture};
+use piola_output::pvd::FrameSeries;
+use piola_output::summary::{ExitReason, InteractionCounts, PhaseClock, Summary};
+use piola_output::{Frame, OutputError, OutputFile, OutputFolder, Points, table};
+use piola_petsc::Engine;
+use piola_solvers::march::{Advance, March as _, State};
+use piola_solvers::motion::{self, MotionDrive as _, MotionError, Row};
+
+use super::exchange::Exchange;
+use super::record::{Shown, gathered};
+use super::steps::{agreed, lost};
+use super::{Begun, selection_of};
+use crate::case::CaseError;
+use crate::scene::Motion;
+use crate::scene::boundary::BoundaryConditions;
+use crate::scene::drive::{MotionConditions, initial};
+use crate::scene::selection::Selection;
+use crate::simulation::motion::course::Unclosed;
+use crate::simulation::motion::driven::Driven;
+use crate::simulation::motion::told::{self, Seen};
+use crate::simulation::motion::{refused, settings, stopped};
+use crate::simulation::point_fields::{PointFields, named_sets};
+use crate::simulation::run::{Ending, RunError, enter, frame, summary};
+
+/// Why a motion ended that did not come to its end, in the order of what ranks tell each other.
+const REASONS: [ExitReason; 3] = [ExitReason::NonFinite, ExitReason::Singular, ExitReason::Failed];
+
+/// Moves a body from its start to its end. Collective.
+pub(super) fn run(
+    begun: &Begun<'_>,
+    scene: &Motion,
+    clock: PhaseClock,
+) -> Result<Ending, RunError> {
+    let Begun { engine, case, share, part, selection, .. } = *begun;
+    let broken = broken(engine, begun.energy);
+    // What ranks own is driven; of the halo's points their owners know.
+    let own = selection_of(selection, share, share.own.clone());
+    let boundary = BoundaryConditions::new(&part.scene, &part.body, &own);
+    let boundary = agreed(engine, boundary.map_err(CaseError::from))?;
+    // That all materials have a density was asked when the scene was read.
+    let masses = part.masses().unwrap_or_default();
+    let conditions = MotionConditions::new(&boundary, &masses).map_err(CaseError::from);
+    let drive = Driven::new(agreed(engine, conditions)?, begun.fields);
+    let start = agreed(engine, initial(&boundary).map_err(CaseError::from))?;
+    let exchange = Exchange::new(engine, share, case.body.dimension()).map_err(lost)?;
+    let settings = settings(part, scene);
+    let (energy, watch) = (begun.energy, begun.watch);
+    let made = motion::Motion::among(&exchange, energy, &masses, start, &drive, &settings, watch);
+    let mut motion = match made {
+        Ok(motion) => motion,
+        Err(error) => {
+            let own = match error {
+                MotionError::Elsewhere => Ok(()),
+                own => Err(refused(part, &drive, own)),
+            };
+            return Err(agreed(engine, own).err().unwrap_or_else(|| nothing_said().into()));
+        }
+    };
+    let fields = PointFields { case: part, energy, selection: begun.held, masses: Some(&masses) };
+    let sight = Sight { begun, fields, own: &own, broken };
+    moved(&sight, scene, &mut motion, (&drive, &exchange), clock)
+}
+
+/// The same from there on.
+fn moved(
+    sight: &Sight<'_>,
+    scene: &Motion,
+    motion: &mut motion::Motion<'_, Exchange<'_>>,
+    (drive, exchange): (&Driven<'_>, &Exchange<'_>),
+    mut clock: PhaseClock,
+) -> Result<Ending, RunError> {
+    let Begun { engine, case, part, folder, energy, .. } = *sight.begun;
+    enter(&mut clock, sight.begun.watch, "move");
+    let resolved = case.scene.resolved_toml();
+    let whole_masses = case.masses().unwrap_or_default();
+    let conditions = MotionConditions::new(sight.begun.boundary, &whole_masses);
+    let fixed = agreed(engine, conditions.map_err(CaseError::from))?.fixed();
+    let points = folder.map(|_| {
+        let points = Points::of(&case.body).with_mesh(case.mesh.clone());
+        points.with_held(&case.body, &fixed)
+    });
+    let begun = match (folder, &points) {
+        (Some(folder), Some(points)) => {
+            let kept = folder.write(OutputFile::ResolvedScene, resolved.as_bytes());
+            kept.and_then(|()| Recorder::new(sight, folder, points).map(Some))
+        }
+        _ => Ok(None),
+    };
+    let mut recorder = agreed(engine, begun.map_err(RunError::from))?;
+    let (mut n_frames, mut last) = (0, None);
+    let mut next = motion.advance_to(0);
+    let (reason, message) = loop {
+        match next {
+            Ok(Advance::Step(row)) => {
+                let is_due = told::is_due(case, n_frames, row.t);
+                n_frames += usize::from(is_due);
+                let state = motion.state();
+                let seen = sight.seen(&row, &state);
+                let look = is_due.then(|| sight.look(&row, &state));
+                let written = match &mut recorder {
+                    Some(recorder) => recorder.record(&row, seen, look.flatten()),
+                    None => Ok(()),
+                };
+                agreed(engine, written.map_err(RunError::from))?;
+                last = Some((row, is_due));
+            }
+            Ok(Advance::Pause) => {}
+            Ok(Advance::End) => break (ExitReason::Completed, String::new()),
+            Ok(Advance::Interrupted) => {
+                let t = motion.time_reached();
+                break (ExitReason::Interrupted, format!("interrupted at t = {t:e} s"));
+            }
+            Err(error) => break ended(engine, error, |own| stopped(part, drive, own), exchange),
+        }
+        next = motion.advance();
+    };
+    enter(&mut clock, sight.begun.watch, "output");
+    let look = match &last {
+        Some((row, false)) => sight.look(row, &motion.state()),
+        _ => None,
+    };
+    let steps = last.as_ref().map_or(0, |(row, _)| row.step);
+    let ending = Ending {
+        reason,
+        message,
+        helps: Vec::new(),
+        done: format!(
+            "{} of {:.6e} s on {}",
+            counted(steps, "step"),
+            motion.step(),
+            counted(engine.ranks(), "rank")
+        ),
+        steps,
+        indefinite: 0,
+        fails: false,
+        inverted: Inverted::default(),
+        warnings: notes(engine, motion.notes()),
+    };
+    let bonds = super::bonds(engine, energy, sight.begun.share);
+    let written = match (recorder, folder) {
+        (Some(recorder), Some(folder)) => {
+            let options = sight.begun.options.clone();
+            let title = options.title;
+            let rounding = recorder.worst.share();
+            let mass = whole_masses.iter().fold(0.0, |sum, one| sum + one);
+            let told = last.as_ref().map(|(row, _)| {
+                told::summary((scene, motion), (row, rounding, None), energy, mass)
+            });
+            let summary = summary(case, energy, (&ending, options), &resolved, &mut clock);
+            let summary = Summary {
+                motion: told,
+                // Those that rank 0 holds are not all of them.
+                interactions: InteractionCounts { bonds, ..InteractionCounts::default() },
+                dropped: InteractionCounts::default(),
+                ..summary
+            };
+            let written = summary.write(folder);
+            written.and_then(|()| recorder.finish(title, look))
+        }
+        _ => Ok(()),
+    };
+    agreed(engine, written.map_err(RunError::from))?;
+    Ok(ending)
+}
+
+/// Bonds, triangles and tetrahedra that are broken in all of the body. Collective.
+fn broken(engine: &Engine, energy: &Total<'_>) -> [usize; 3] {
+    let of = |fracture: &dyn Fracture| {
+        let kind = |measure| fracture.counts_of(measure).map_or(0, |counts| counts[1]);
+        [fracture.counts()[1], kind(Measure::Area), kind(Measure::Volume)]
+    };
+    let mut counts = energy.fracture().map_or([0; 3], of).map(|count| count as f64);
+    engine.sum(&mut counts);
+    counts.map(|count| count as usize)
+}
+
+fn nothing_said() -> CaseError {
+    CaseError::Body { message: "a rank cannot start, and does not say why".to_owned() }
+}
+
+/// Why a motion ended, in the words of the first rank that found it. Collective.
+fn ended(
+    engine: &Engine,
+    error: MotionError,
+    told: impl FnOnce(MotionError) -> (ExitReason, String),
+    exchange: &Exchange<'_>,
+) -> (ExitReason, String) {
+    let own = match (error, exchange.failure()) {
+        (_, Some(failure)) => Some((ExitReason::Failed, failure.message)),
+        (MotionError::Elsewhere, None) => None,
+        (own, None) => Some(told(own)),
+    };
+    let place = |reason| REASONS.iter().position(|one| *one == reason).map_or(0, |k| k + 1);
+    let code = own.as_ref().map_or(0, |(reason, _)| place(*reason)) as u64;
+    let first = engine.all_gather(code).into_iter().find(|code| *code > 0).unwrap_or(0);
+    let message = engine.agree(own.map_or(Ok(()), |(_, message)| Err(message)));
+    let reason = (first as usize).checked_sub(1).and_then(|k| REASONS.get(k));
+    let message = message.err().map_or_else(String::new, |failure| failure.message);
+    (reason.copied().unwrap_or(ExitReason::Failed), message)
+}
+
+/// What any rank has noted, each once, in the order of the ranks: on rank 0. Collective.
+fn notes(engine: &Engine, own: &[String]) -> Vec<String> {
+    let mut all: Vec<String> = Vec::new();
+    for bytes in engine.gather(own.join("\n").as_bytes()).unwrap_or_default() {
+        for note in String::from_utf8_lossy(&bytes).lines() {
+            if !all.iter().any(|known| known == note) {
+                all.push(note.to_owned());
+            }
+        }
+    }
+    all
+}
+
+/// What a rank sees of its part.
+struct Sight<'a> {
+    begun: &'a Begun<'a>,
+    /// Of what it holds.
+    fields: PointFields<'a>,
+    /// What of sets it owns.
+    own: &'a Selection,
+    /// Bonds, triangles and tetrahedra of the body that were broken before anything moved.
+    broken: [usize; 3],
+}
+
+impl Sight<'_> {
+    /// What the tables have columns for.
+    fn columns(&self) -> MotionColumns {
+        let Begun { part, energy, selection, .. } = *self.begun;
+        let fracture = energy.fracture().map(|fracture| FractureColumns {
+            cliques: [Measure::Area, Measure::Volume]
+                .map(|measure| fracture.counts_of(measure).is_some()),
+            tracks: Vec::new(),
+        });
+        told::columns(part, energy, selection, fracture)
+    }
+
+    /// What tables tell of sets, probes and what breaks, of the whole body. Collective.
+    fn seen(&self, row: &Row, state: &State<'_>) -> Seen {
+        let Begun { engine, share, selection, case, .. } = *self.begun;
+        let d = case.body.dimension();
+        let n_sets = selection.sets.len();
+        let mut numbers = self.own.reactions(&residual(state), d).concat();
+        for probe in &selection.probes {
+            let at = (probe.point.wrapping_sub(share.held.start)) * d;
+            let is_own = share.own.contains(&probe.point);
+            numbers.extend((0..d).map(|axis| match is_own {
+                true => state.displacements[at + axis],
+                false => 0.0,
+            }));
+        }
+        engine.sum(&mut numbers);
+        let rows: Vec<Vec<f64>> = numbers.chunks(d).map(<[f64]>::to_vec).collect();
+        let (reactions, probes) = rows.split_at(n_sets);
+        let broken = row.broken.map(|bonds| (bonds, row.broken_cliques));
+        // How many broke since the row before is filled in by who knows that row.
+        let fracture = broken.map(|(bonds, cliques)| FractureRow {
+            t: row.t,
+            bonds: [0, bonds],
+            cliques: cliques.map(|count| count.map(|count| [0, count])),
+            released: row.released,
+            tracks: Vec::new(),
+        });
+        Seen { reactions: reactions.to_vec(), probes: probes.to_vec(), fracture }
+    }
+
+    /// A frame of the whole body, on rank 0. Collective.
+    fn look(&self, row: &Row, state: &State<'_>) -> Option<Look> {
+        let Begun { engine, share, case, .. } = *self.begun;
+        let (body, d) = (&case.body, case.body.dimension());
+        let own = share.own_of_held();
+        let residual = residual(state);
+        let of_own = |values: &[f64]| gathered(engine, &values[own.start * d..own.end * d]);
+        let (u, r, v) = (of_own(state.displacements), of_own(&residual), of_own(state.velocities));
+        let held = &self.fields.case.body;
+        let velocity = held.to_user_order(state.velocities, d);
+        let mut now = Frame::of(held, row.t, state.displacements, &residual);
+        now.velocity = velocity;
+        let shown = Shown::of(engine, (self.fields, body), share, now);
+        let ((u, r), v) = u.zip(r).zip(v)?;
+        let mut now = frame(case, row.t, &u, &r);
+        now.velocity = body.to_user_order(&v, d);
+        let (fields, colour) = shown.into_parts();
+        now.fields.extend(fields);
+        Some(Look { frame: now, colour })
+    }
+}
+
+/// `dE/du` less loads in N.
+fn residual(state: &State<'_>) -> Vec<f64> {
+    state.internal_forces.iter().zip(state.loads).map(|(g, f)| g - f).collect()
+}
+
+/// What a frame shows, and the colours of its picture.
+struct Look {
+    frame: Frame,
+    colour: Option<Colour>,
+}
+
+/// Writes what the rows bring: on rank 0.
+struct Recorder<'a> {
+    sight: &'a Sight<'a>,
+    folder: &'a OutputFolder,
+    points: &'a Points,
+    frames: FrameSeries<'a>,
+    tables: MotionTables,
+    /// Bonds, triangles and tetrahedra that were broken at the last row.
+    broken: [usize; 3],
+    worst: Unclosed,
+    last: Option<Look>,
+}
+
+impl<'a> Recorder<'a> {
+    fn new(
+        sight: &'a Sight<'a>,
+        folder: &'a OutputFolder,
+        points: &'a Points,
+    ) -> Result<Recorder<'a>, OutputError> {
+        let tables = MotionTables::new(folder, &sight.columns())?;
+        let frames = FrameSeries::new(folder, points)?;
+        let worst = Unclosed::default();
+        let broken = sight.broken;
+        Ok(Recorder { sight, folder, points, frames, tables, broken, worst, last: None })
+    }
+
+    fn record(&mut self, row: &Row, mut seen: Seen, look: Option<Look>) -> Result<(), OutputError> {
+        self.worst.note(row);
+        if let Some(fracture) = &mut seen.fracture {
+            let [areas, volumes] = fracture.cliques.each_mut();
+            let kinds = [Some(&mut fracture.bonds), areas.as_mut(), volumes.as_mut()];
+            for (kind, before) in kinds.into_iter().zip(&mut self.broken) {
+                let Some([since, now]) = kind else { continue };
+                *since = *now - *before;
+                *before = *now;
+            }
+        }
+        self.tables.push(&told::row(row, self.sight.begun.energy, seen))?;
+        if let Some(look) = look {
+            self.frames.push(&look.frame)?;
+            self.last = Some(look);
+        }
+        Ok(())
+    }
+
+    /// The frame of the last row, unless it was due, displacements and picture.
+    fn finish(mut self, title: &str, look: Option<Look>) -> Result<(), OutputError> {
+        let Begun { case, selection, energy, .. } = *self.sight.begun;
+        if let Some(look) = look {
+            self.frames.push(&look.frame)?;
+            self.last = Some(look);
+        }
+        let Some(Look { frame, colour }) = self.last else { return Ok(()) };
+        table::write_displacement(self.folder, self.points, &frame.displacement)?;
+        let [energies, probes] = MotionTables::series(self.folder, &self.sight.columns())?;
+        let sets = named_sets(case, selection);
+        let picture = Picture {
+            title: &case.headline(title, energy.parts()),
+            points: self.points,
+            frame: &frame,
+            sets: &sets,
+            colour: colour.as_ref(),
+            charts: Charts::Times { energies: &energies, probes: &probes },
+        };
+        picture.write(self.folder)
+    }
+}

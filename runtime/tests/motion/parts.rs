@@ -1,0 +1,213 @@
+//! Bodies in parts, each moved by a thread as processes move them, against the same bodies as a whole.
+
+use std::ops::Range;
+use std::sync::{Arc, Barrier, Mutex};
+
+use piola_runtime::body::Body;
+use piola_runtime::fracture::Fracture as _;
+use piola_runtime::solve::Watch;
+use piola_runtime::solve::march::{Advance, March as _};
+use piola_runtime::solve::motion::{Initial, Motion, MotionError, MotionSettings, Others, Row};
+
+use crate::Conditions;
+use crate::cliques::{bodies, breaking, settings, start};
+
+/// Where threads meet, and lay down what they have.
+struct Meeting {
+    barrier: Barrier,
+    laid_down: Mutex<Vec<Vec<f64>>>,
+}
+
+impl Meeting {
+    fn of(parts: usize) -> Meeting {
+        Meeting { barrier: Barrier::new(parts), laid_down: Mutex::new(vec![Vec::new(); parts]) }
+    }
+}
+
+/// A part of a body: points that it holds, and those that are its own.
+struct Part<'a> {
+    meeting: &'a Meeting,
+    number: usize,
+    held: Range<usize>,
+    own: Range<usize>,
+    d: usize,
+}
+
+impl Part<'_> {
+    /// What all parts have.
+    fn all(&self, own: &[f64]) -> Vec<Vec<f64>> {
+        self.meeting.laid_down.lock().unwrap()[self.number] = own.to_vec();
+        self.meeting.barrier.wait();
+        let all = self.meeting.laid_down.lock().unwrap().clone();
+        self.meeting.barrier.wait();
+        all
+    }
+
+    fn reduce(&self, numbers: &mut [f64], with: impl Fn(f64, f64) -> f64) {
+        let all = self.all(numbers);
+        for (k, number) in numbers.iter_mut().enumerate() {
+            *number = all[1..].iter().fold(all[0][k], |sum, part| with(sum, part[k]));
+        }
+    }
+}
+
+impl Others for Part<'_> {
+    fn first(&self) -> usize {
+        self.held.start
+    }
+
+    fn bring(&self, values: &mut [f64]) {
+        let (d, first) = (self.d, self.held.start);
+        let own = (self.own.start - first) * d..(self.own.end - first) * d;
+        let whole = self.all(&values[own]).concat();
+        values.copy_from_slice(&whole[first * d..self.held.end * d]);
+    }
+
+    fn sum(&self, numbers: &mut [f64]) {
+        self.reduce(numbers, |sum, part| sum + part);
+    }
+
+    fn max(&self, numbers: &mut [f64]) {
+        self.reduce(numbers, |most, part| if part > most || part.is_nan() { part } else { most });
+    }
+}
+
+/// What a motion leaves of own points: rows, displacements at the end, and why it ended early.
+struct Left {
+    step: f64,
+    rows: Vec<Row>,
+    displacements: Vec<f64>,
+    error: Option<MotionError>,
+}
+
+fn moved(made: Result<Motion<'_, Part<'_>>, MotionError>, own: Range<usize>) -> Left {
+    let mut left = Left { step: 0.0, rows: Vec::new(), displacements: Vec::new(), error: None };
+    let mut motion = match made {
+        Ok(motion) => motion,
+        Err(error) => return Left { error: Some(error), ..left },
+    };
+    let mut next = motion.advance_to(0);
+    loop {
+        match next {
+            Ok(Advance::Step(row)) => left.rows.push(row),
+            Ok(Advance::End) => break,
+            Ok(_) => panic!("nobody looks on"),
+            Err(error) => {
+                left.error = Some(error);
+                break;
+            }
+        }
+        next = motion.advance();
+    }
+    left.step = motion.step();
+    left.displacements = motion.state().displacements[own].to_vec();
+    left
+}
+
+/// Of a body in so many parts, in their order.
+fn in_parts(
+    (body, horizon): (&Arc<Body>, f64),
+    parts: usize,
+    settings: &MotionSettings,
+    velocities: f64,
+) -> Vec<Left> {
+    let (d, n) = (body.dimension(), body.n_points());
+    let meeting = Meeting::of(parts);
+    let along = |point: usize| body.position(point)[0];
+    let part = |number: usize| {
+        let own = n * number / parts..n * (number + 1) / parts;
+        let near = |point: &usize| {
+            along(own.start) - along(*point) <= 1.001 * horizon
+                && along(*point) - along(own.end - 1) <= 1.001 * horizon
+        };
+        let held: Vec<usize> = (0..n).filter(near).collect();
+        let held = held[0]..held[held.len() - 1] + 1;
+        Part { meeting: &meeting, number, held, own, d }
+    };
+    let of_part = |part: Part<'_>| {
+        let slab = Arc::new(body.part(part.held.clone(), part.own.clone(), horizon));
+        let kept: Vec<usize> =
+            [3, 4].into_iter().filter_map(|k: usize| k.checked_sub(part.held.start)).collect();
+        let energy = breaking(&slab, horizon, &kept);
+        let whole = start(body, 9);
+        let held = part.held.start * d..part.held.end * d;
+        let scaled = |x: &f64| velocities * x;
+        let start = Initial {
+            displacements: whole.displacements[held.clone()].to_vec(),
+            velocities: whole.velocities[held].iter().map(scaled).collect(),
+        };
+        let masses: Vec<f64> = slab.volumes().iter().map(|v| 1e3 * v).collect();
+        let drive = Conditions { loads: vec![0.0; d * slab.n_points()], ..Conditions::default() };
+        let (watch, own) = (Watch::default(), slab.counted());
+        let own = own.start * d..own.end * d;
+        let made = Motion::among(&part, &energy, &masses, start, &drive, settings, &watch);
+        let left = moved(made, own);
+        // Own bonds are those whose lower point is own.
+        assert!(energy.counts()[1] <= energy.broken().len());
+        left
+    };
+    std::thread::scope(|scope| {
+        let all: Vec<_> =
+            (0..parts).map(|number| scope.spawn(move || of_part(part(number)))).collect();
+        all.into_iter().map(|one| one.join().unwrap()).collect()
+    })
+}
+
+#[test]
+fn parts_move_and_break_as_the_whole() {
+    for (number, (body, horizon)) in bodies().iter().enumerate() {
+        let settings = settings();
+        let whole = &in_parts((body, *horizon), 1, &settings, 1.0)[0];
+        let last = whole.rows.last().unwrap();
+        assert!(last.broken > Some(20) && last.broken_cliques[0] > Some(0), "{last:?}");
+        for parts in 2..=3 {
+            let found = in_parts((body, *horizon), parts, &settings, 1.0);
+            let displacements: Vec<f64> =
+                found.iter().flat_map(|left| left.displacements.clone()).collect();
+            let largest = displacements.iter().fold(0.0_f64, |most, u| most.max(u.abs()));
+            for (one, other) in whole.displacements.iter().zip(&displacements) {
+                assert!((one - other).abs() <= 1e-11 * largest, "{number}: {one} {other}");
+            }
+            for left in &found {
+                assert_eq!(left.rows.len(), whole.rows.len());
+                for (one, other) in whole.rows.iter().zip(&left.rows) {
+                    assert_eq!(one.broken, other.broken, "{number} at step {}", one.step);
+                    assert_eq!(one.broken_cliques, other.broken_cliques);
+                    let scale = one.kinetic + one.energy.total() + one.released;
+                    let pairs = [
+                        (one.kinetic, other.kinetic),
+                        (one.energy.total(), other.energy.total()),
+                        (one.released, other.released),
+                        (one.timing, other.timing),
+                        (one.quadrature, other.quadrature),
+                        (one.rounding, other.rounding),
+                    ];
+                    for (own, found) in pairs {
+                        assert!((own - found).abs() <= 1e-11 * scale, "{one:?}\n{other:?}");
+                    }
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn all_parts_find_one_critical_step() {
+    let (body, horizon) = &bodies()[2];
+    let settings = MotionSettings { step: None, end: 0.05, rows: 5, ..settings() };
+    let whole = in_parts((body, *horizon), 1, &settings, 0.1);
+    for left in in_parts((body, *horizon), 3, &settings, 0.1) {
+        assert!((left.step - whole[0].step).abs() <= 1e-9 * whole[0].step);
+    }
+}
+
+/// One part knows why, the others that there is a reason.
+#[test]
+fn where_one_part_cannot_go_on_all_stop() {
+    let (body, horizon) = &bodies()[2];
+    let found = in_parts((body, *horizon), 3, &settings(), 1e6);
+    let knows = |left: &&Left| !matches!(left.error, Some(MotionError::Elsewhere));
+    let knowing: Vec<&Left> = found.iter().filter(knows).collect();
+    assert_eq!(knowing.len(), 1);
+    assert!(matches!(knowing[0].error, Some(MotionError::FlownOff(_))), "{:?}", knowing[0].error);
+}

@@ -67,7 +67,8 @@ fn solve(arguments: &Run, engine: &Engine) -> Exit {
     };
     let title = title(&scene_file);
     let place = std::path::absolute(&scene_file).unwrap_or(scene_file).display().to_string();
-    let progress = Arc::new(Progress::new(case.scene.steps.end, Interrupt::default()));
+    let end = case.scene.motion.as_ref().map_or(case.scene.steps.end, |motion| motion.end);
+    let progress = Arc::new(Progress::new(end, Interrupt::default()));
     let shown = (engine.rank() == 0).then(|| progress.show());
     let origin = Origin { scene: &place, settings: &arguments.settings };
     let options = RunOptions { title: &title, warnings, origin, resumes: false };

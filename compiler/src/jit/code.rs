@@ -203,6 +203,22 @@ pub(crate) fn isa(native: bool) -> Result<OwnedTargetIsa, CompileError> {
     isa.finish(settings::Flags::new(flags)).map_err(backend)
 }
 
+/// The processor that kernels are compiled for, with the instructions of it that they may have: from one text, kernels
+/// are the same where this is.
+///
+/// # Errors
+/// A processor that no kernel can be compiled for.
+pub fn target() -> Result<String, CompileError> {
+    Ok(described(&*isa(true)?))
+}
+
+/// What an architecture is called, and what it can.
+pub(super) fn described(isa: &dyn TargetIsa) -> String {
+    let flags = isa.isa_flags();
+    let set = flags.iter().filter(|flag| flag.as_bool() == Some(true)).map(|flag| flag.name);
+    std::iter::once(isa.name()).chain(set).collect::<Vec<&str>>().join(" ")
+}
+
 /// Whether the processor multiplies and adds vectors with one rounding.
 fn has_fma(isa: &dyn TargetIsa) -> bool {
     let flags = isa.isa_flags();

@@ -23,6 +23,6 @@ mod scalar;
 #[cfg(test)]
 mod tests;
 
-pub use code::Listing;
 pub(crate) use code::{Code, isa};
+pub use code::{Listing, target};
 pub use scalar::CompiledKernel;

@@ -2,7 +2,7 @@
 //! neither AVX nor fma.
 
 use super::CompiledKernel;
-use super::code::isa;
+use super::code::{described, isa};
 use crate::expression::number::Number;
 use crate::expression::precise::Precise;
 use crate::expression::real::Real;
@@ -239,4 +239,12 @@ fn the_least_processor_gives_the_same_bits() {
         let [native, least] = [true, false].map(|n| run(&compiled(psi, Level::Strict, n), &pairs));
         assert!(native.iter().zip(&least).all(|(x, y)| same_bits(*x, *y)), "{psi}");
     }
+}
+
+#[test]
+fn processors_are_told_apart_by_what_kernels_may_have_of_them() {
+    let [own, again, least] = [true, true, false].map(|native| described(&*isa(native).unwrap()));
+    assert_eq!(own, again);
+    // On a processor that is the least of its kind they are the same.
+    assert!(own.starts_with(&least) || own.len() > least.len(), "{own}: {least}");
 }

@@ -17,7 +17,7 @@ use piola_output::summary::{ExitReason, PhaseClock};
 use piola_output::{OutputError, OutputFile, OutputFolder, Points};
 use piola_solvers::Watch;
 use piola_solvers::march::{Advance, March as _};
-use piola_solvers::motion::{self, Method, MotionDrive as _, MotionError, Snapshot};
+use piola_solvers::motion::{self, MotionDrive as _, MotionError, Snapshot};
 
 use super::run::{Ending, RunError, RunOptions, enter, hash, summary};
 use crate::case::{Case, CaseError};
@@ -103,14 +103,7 @@ fn follow(
         }
     };
     let mut warnings: Vec<String> = motion.notes().to_vec();
-    let is_explicit = scene.method != Method::Midpoint;
-    if scene.unstable && is_explicit && motion.step() > motion.least_critical() {
-        warnings.push(format!(
-            "the step {:e} s is beyond the critical one, {:.6e} s: the motion is unstable",
-            motion.step(),
-            motion.least_critical()
-        ));
-    }
+    warnings.extend(told::unstable(scene, &motion));
     let ending = Ending {
         reason,
         message,

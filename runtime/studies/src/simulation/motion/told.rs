@@ -6,7 +6,7 @@ use piola_mechanics::words::Words as _;
 use piola_output::fracture::{FractureColumns, FractureRow};
 use piola_output::motion::{BrokenRow, MotionColumns, MotionEnergies, MotionRow, MotionSummary};
 use piola_output::summary::Number;
-use piola_solvers::motion::{self, Others, Row};
+use piola_solvers::motion::{self, Method, Others, Row};
 
 use super::ready::frames;
 use crate::case::Case;
@@ -121,4 +121,20 @@ pub(in crate::simulation) fn summary(
         resumed_at_step: resumed,
         rounding: Number(rounding),
     }
+}
+
+/// What is said of a step beyond the critical one, which the scene allows.
+pub(in crate::simulation) fn unstable(
+    scene: &Motion,
+    motion: &motion::Motion<'_, impl Others>,
+) -> Option<String> {
+    let is_explicit = scene.method != Method::Midpoint;
+    let is_beyond = scene.unstable && is_explicit && motion.step() > motion.least_critical();
+    is_beyond.then(|| {
+        format!(
+            "the step {:e} s is beyond the critical one, {:.6e} s: the motion is unstable",
+            motion.step(),
+            motion.least_critical()
+        )
+    })
 }

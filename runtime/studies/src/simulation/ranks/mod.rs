@@ -26,6 +26,7 @@ mod steps;
 use std::ops::Range;
 use std::sync::Arc;
 
+use piola_compiler::jit::target;
 use piola_grammar::counted;
 use piola_mechanics::assembly::AssemblyError;
 use piola_mechanics::energy::{Energy as _, Total};
@@ -68,6 +69,7 @@ pub fn run(
     let mut clock = PhaseClock::new();
     enter(&mut clock, watch, "compile");
     let compiled = agreed(engine, case.compile())?;
+    check_kernels(case, engine)?;
     enter(&mut clock, watch, "interactions");
     let selection = agreed(engine, case.selection())?;
     // Of the whole body, so that what is wrong is told as in any run.
@@ -239,6 +241,26 @@ fn load_steps(begun: &Begun<'_>, mut clock: PhaseClock) -> Result<Ending, RunErr
 pub fn hash(case: &Case) -> u64 {
     let name = super::run::hash(case, &case.scene.resolved_toml());
     fnv1a64(FNV1A64_OF_NOTHING, name.as_bytes())
+}
+
+/// Refuses processors of several kinds where ranks rely on it that what they judge alike is alike to the last bit.
+/// Collective.
+fn check_kernels(case: &Case, engine: &Engine) -> Result<(), RunError> {
+    if !case.can_break() && case.n_states() == 0 {
+        return Ok(());
+    }
+    let target =
+        agreed(engine, target().map_err(|error| CaseError::Body { message: error.to_string() }))?;
+    let all = engine.all_gather(fnv1a64(FNV1A64_OF_NOTHING, target.as_bytes()));
+    let other = all.iter().position(|one| *one != all[0]);
+    let told = other.map_or(Ok(()), |rank| {
+        let message = format!(
+            "the processor of rank {rank} is of another kind than that of rank 0, and what breaks would be judged by other \
+             kernels: let machines of one kind share the run"
+        );
+        Err(CaseError::Body { message })
+    });
+    agreed(engine, told)
 }
 
 /// Choices that made no difference.

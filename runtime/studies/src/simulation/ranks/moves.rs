@@ -78,7 +78,7 @@ fn moved(
     (drive, exchange): (&Driven<'_>, &Exchange<'_>),
     mut clock: PhaseClock,
 ) -> Result<Ending, RunError> {
-    let Begun { engine, case, part, folder, energy, .. } = *sight.begun;
+    let Begun { engine, case, folder, energy, .. } = *sight.begun;
     enter(&mut clock, sight.begun.watch, "move");
     let resolved = case.scene.resolved_toml();
     let whole_masses = case.masses().unwrap_or_default();
@@ -96,39 +96,14 @@ fn moved(
         _ => Ok(None),
     };
     let mut recorder = agreed(engine, begun.map_err(RunError::from))?;
-    let (mut n_frames, mut last) = (0, None);
-    let mut next = motion.advance_to(0);
-    let (reason, message) = loop {
-        match next {
-            Ok(Advance::Step(row)) => {
-                let is_due = told::is_due(case, n_frames, row.t);
-                n_frames += usize::from(is_due);
-                let state = motion.state();
-                let seen = sight.seen(&row, &state);
-                let look = is_due.then(|| sight.look(&row, &state));
-                let written = match &mut recorder {
-                    Some(recorder) => recorder.record(&row, seen, look.flatten()),
-                    None => Ok(()),
-                };
-                agreed(engine, written.map_err(RunError::from))?;
-                last = Some((row, is_due));
-            }
-            Ok(Advance::Pause) => {}
-            Ok(Advance::End) => break (ExitReason::Completed, String::new()),
-            Ok(Advance::Interrupted) => {
-                let t = motion.time_reached();
-                break (ExitReason::Interrupted, format!("interrupted at t = {t:e} s"));
-            }
-            Err(error) => break ended(engine, error, |own| stopped(part, drive, own), exchange),
-        }
-        next = motion.advance();
-    };
+    let gone = go(sight, motion, &mut recorder, (drive, exchange))?;
     enter(&mut clock, sight.begun.watch, "output");
-    let look = match &last {
-        Some((row, false)) => sight.look(row, &motion.state()),
-        _ => None,
-    };
-    let steps = last.as_ref().map_or(0, |(row, _)| row.step);
+    let Gone { reason, message, last } = gone;
+    // The frame of the last row, which may not have been due.
+    let look = last.as_ref().filter(|last| !last.is_shown).and_then(|last| sight.look(&last.seen));
+    let steps = last.as_ref().map_or(0, |last| last.row.step);
+    let mut warnings = notes(engine, motion.notes());
+    warnings.extend(told::unstable(scene, motion));
     let ending = Ending {
         reason,
         message,
@@ -143,17 +118,17 @@ fn moved(
         indefinite: 0,
         fails: false,
         inverted: Inverted::default(),
-        warnings: notes(engine, motion.notes()),
+        warnings,
     };
     let bonds = super::bonds(engine, energy, sight.begun.share);
     let written = match (recorder, folder) {
         (Some(recorder), Some(folder)) => {
             let options = sight.begun.options.clone();
             let title = options.title;
-            let rounding = recorder.worst.share();
             let mass = whole_masses.iter().fold(0.0, |sum, one| sum + one);
-            let told = last.as_ref().map(|(row, _)| {
-                told::summary((scene, motion), (row, rounding, None), energy, mass)
+            let told = last.as_ref().map(|last| {
+                let told = (&last.row, recorder.worst.share(), None);
+                told::summary((scene, motion), told, energy, mass)
             });
             let summary = summary(case, energy, (&ending, options), &resolved, &mut clock);
             let summary = Summary {
@@ -163,13 +138,72 @@ fn moved(
                 dropped: InteractionCounts::default(),
                 ..summary
             };
-            let written = summary.write(folder);
-            written.and_then(|()| recorder.finish(title, look))
+            summary.write(folder).and_then(|()| recorder.finish(title, look))
         }
         _ => Ok(()),
     };
     agreed(engine, written.map_err(RunError::from))?;
     Ok(ending)
+}
+
+/// How a motion has ended.
+struct Gone {
+    reason: ExitReason,
+    message: String,
+    last: Option<Last>,
+}
+
+/// The last row, and what the rank saw there.
+struct Last {
+    row: Row,
+    seen: Moment,
+    /// Whether it is a frame already.
+    is_shown: bool,
+}
+
+/// Goes to the end, or to where the motion stops, with what rows bring. Collective.
+fn go(
+    sight: &Sight<'_>,
+    motion: &mut motion::Motion<'_, Exchange<'_>>,
+    recorder: &mut Option<Recorder<'_>>,
+    (drive, exchange): (&Driven<'_>, &Exchange<'_>),
+) -> Result<Gone, RunError> {
+    let Begun { engine, case, part, .. } = *sight.begun;
+    let (mut n_frames, mut last) = (0, None);
+    let mut next = motion.advance_to(0);
+    let (reason, message) = loop {
+        match next {
+            Ok(Advance::Step(row)) => {
+                let is_due = told::is_due(case, n_frames, row.t);
+                n_frames += usize::from(is_due);
+                let moment = Moment::of(row.t, &motion.state());
+                let seen = sight.seen(&row, &moment);
+                let look = is_due.then(|| sight.look(&moment)).flatten();
+                let written = match recorder {
+                    Some(recorder) => recorder.record(&row, seen, look),
+                    None => Ok(()),
+                };
+                agreed(engine, written.map_err(RunError::from))?;
+                last = Some(Last { row, seen: moment, is_shown: is_due });
+            }
+            Ok(Advance::Pause) => {}
+            Ok(Advance::End) => break (ExitReason::Completed, String::new()),
+            Ok(Advance::Interrupted) => {
+                let t = motion.time_reached();
+                break (ExitReason::Interrupted, format!("interrupted at t = {t:e} s"));
+            }
+            Err(error) => {
+                let told = |own| stopped(part, drive, own);
+                let (reason, message) = ended(engine, error, told, exchange);
+                let behind = last.as_ref().map_or_else(String::new, |last: &Last| {
+                    format!("; the last row is that of t = {:e} s", last.row.t)
+                });
+                break (reason, message + &behind);
+            }
+        }
+        next = motion.advance();
+    };
+    Ok(Gone { reason, message, last })
 }
 
 /// Bonds, triangles and tetrahedra that are broken in all of the body. Collective.
@@ -245,22 +279,18 @@ impl Sight<'_> {
     }
 
     /// What tables tell of sets, probes and what breaks, of the whole body. Collective.
-    fn seen(&self, row: &Row, state: &State<'_>) -> Seen {
+    fn seen(&self, row: &Row, now: &Moment) -> Seen {
         let Begun { engine, share, selection, case, .. } = *self.begun;
         let d = case.body.dimension();
-        let n_sets = selection.sets.len();
-        let mut numbers = self.own.reactions(&residual(state), d).concat();
+        let mut numbers = self.own.reactions(&now.residual, d).concat();
         for probe in &selection.probes {
-            let at = (probe.point.wrapping_sub(share.held.start)) * d;
-            let is_own = share.own.contains(&probe.point);
-            numbers.extend((0..d).map(|axis| match is_own {
-                true => state.displacements[at + axis],
-                false => 0.0,
-            }));
+            let own =
+                share.own.contains(&probe.point).then(|| (probe.point - share.held.start) * d);
+            numbers.extend((0..d).map(|axis| own.map_or(0.0, |at| now.displacements[at + axis])));
         }
         engine.sum(&mut numbers);
         let rows: Vec<Vec<f64>> = numbers.chunks(d).map(<[f64]>::to_vec).collect();
-        let (reactions, probes) = rows.split_at(n_sets);
+        let (reactions, probes) = rows.split_at(selection.sets.len());
         let broken = row.broken.map(|bonds| (bonds, row.broken_cliques));
         // How many broke since the row before is filled in by who knows that row.
         let fracture = broken.map(|(bonds, cliques)| FractureRow {
@@ -274,30 +304,46 @@ impl Sight<'_> {
     }
 
     /// A frame of the whole body, on rank 0. Collective.
-    fn look(&self, row: &Row, state: &State<'_>) -> Option<Look> {
+    fn look(&self, now: &Moment) -> Option<Look> {
         let Begun { engine, share, case, .. } = *self.begun;
         let (body, d) = (&case.body, case.body.dimension());
         let own = share.own_of_held();
-        let residual = residual(state);
-        let of_own = |values: &[f64]| gathered(engine, &values[own.start * d..own.end * d]);
-        let (u, r, v) = (of_own(state.displacements), of_own(&residual), of_own(state.velocities));
+        let vectors = [&now.displacements, &now.residual, &now.velocities];
+        let whole = vectors.map(|values| gathered(engine, &values[own.start * d..own.end * d]));
         let held = &self.fields.case.body;
-        let velocity = held.to_user_order(state.velocities, d);
-        let mut now = Frame::of(held, row.t, state.displacements, &residual);
-        now.velocity = velocity;
-        let shown = Shown::of(engine, (self.fields, body), share, now);
-        let ((u, r), v) = u.zip(r).zip(v)?;
-        let mut now = frame(case, row.t, &u, &r);
-        now.velocity = body.to_user_order(&v, d);
+        let mut part = Frame::of(held, now.t, &now.displacements, &now.residual);
+        part.velocity = held.to_user_order(&now.velocities, d);
+        let shown = Shown::of(engine, (self.fields, body), share, part);
+        let [Some(u), Some(residual), Some(v)] = whole else { return None };
+        let mut whole = frame(case, now.t, &u, &residual);
+        whole.velocity = body.to_user_order(&v, d);
         let (fields, colour) = shown.into_parts();
-        now.fields.extend(fields);
-        Some(Look { frame: now, colour })
+        whole.fields.extend(fields);
+        Some(Look { frame: whole, colour })
     }
 }
 
-/// `dE/du` less loads in N.
-fn residual(state: &State<'_>) -> Vec<f64> {
-    state.internal_forces.iter().zip(state.loads).map(|(g, f)| g - f).collect()
+/// What a rank holds of a body at one time in s, `n x d` each.
+struct Moment {
+    t: f64,
+    /// In m.
+    displacements: Vec<f64>,
+    /// In m/s.
+    velocities: Vec<f64>,
+    /// `dE/du` less loads in N.
+    residual: Vec<f64>,
+}
+
+impl Moment {
+    fn of(t: f64, state: &State<'_>) -> Moment {
+        let residual = state.internal_forces.iter().zip(state.loads).map(|(g, f)| g - f);
+        Moment {
+            t,
+            displacements: state.displacements.to_vec(),
+            velocities: state.velocities.to_vec(),
+            residual: residual.collect(),
+        }
+    }
 }
 
 /// What a frame shows, and the colours of its picture.

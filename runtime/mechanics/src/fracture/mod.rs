@@ -164,6 +164,14 @@ pub trait Fracture: Inspection {
     /// them broke by these; nothing where they have none. Of a slab those whose owner counts.
     fn counts_of(&self, measure: Measure) -> Option<[usize; 2]>;
 
+    /// How many bonds, triangles and tetrahedra are broken, of those that [`Fracture::counts`] and
+    /// [`Fracture::counts_of`] count.
+    fn n_broken(&self) -> [usize; 3] {
+        let [areas, volumes] =
+            CLIQUES.map(|measure| self.counts_of(measure).map_or(0, |counts| counts[1]));
+        [self.counts()[1], areas, volumes]
+    }
+
     /// The triangles, or the tetrahedra, that broke by criteria of their own, by their [`Ranks`], ascending.
     fn broken_cliques(&self, measure: Measure) -> Vec<usize>;
 

@@ -151,28 +151,36 @@ impl<O: Others> Motion<'_, O> {
         Some(MotionError::Singular { t: self.time(self.done), step: self.done, families })
     }
 
-    /// Breaks what has gone too far before anything moves: the account begins behind that.
-    pub(super) fn break_at_start(&mut self) -> Result<(), MotionError> {
-        let Some(fracture) = self.energy.fracture() else { return Ok(()) };
-        let before = counts(fracture);
+    /// Breaks what has gone too far before anything moves: the account begins behind that. How many bonds, triangles
+    /// and tetrahedra of this part do.
+    pub(super) fn break_at_start(&mut self) -> Result<[usize; 3], MotionError> {
+        let Some(fracture) = self.energy.fracture() else { return Ok([0; 3]) };
+        let before = fracture.n_broken();
         let released = fracture.advance(&self.u.value, 0.0, (0.0, &self.v.value));
         released.map_err(|cause| self.not_finite(cause))?;
         self.tell_ties(fracture);
-        let now = counts(fracture);
-        let [bonds, areas, volumes] = [0, 1, 2].map(|kind| now[kind] - before[kind]);
-        if bonds > 0 {
+        let now = fracture.n_broken();
+        let broken = [0, 1, 2].map(|kind| now[kind] - before[kind]);
+        self.too_small().map_or(Ok(broken), Err)
+    }
+
+    /// Tells of what broke at the start, in this part and others. Collective.
+    pub(super) fn tell_of_start(&mut self, own: [usize; 3]) {
+        let mut broken = own.map(|count| count as f64);
+        self.others.sum(&mut broken);
+        let [bonds, areas, volumes] = broken;
+        if bonds > 0.0 {
             self.notes.push(format!(
                 "{bonds} bonds break before the first step: the displacements of the start are beyond their \
                  criterion"
             ));
         }
-        if areas + volumes > 0 {
+        if areas + volumes > 0.0 {
             self.notes.push(format!(
                 "{areas} triangles and {volumes} tetrahedra break before the first step: the displacements \
                  of the start are beyond their criterion"
             ));
         }
-        self.too_small().map_or(Ok(()), Err)
     }
 
     /// Goes to the end of this step, and gives the row there. Where who looks on wants an end, explicit
@@ -261,7 +269,7 @@ impl<O: Others> Motion<'_, O> {
         let of_dof = |(dof, v): (usize, &f64)| 0.5 * self.mass(dof) * v * v;
         let kinetic = self.mean.iter().enumerate().map(of_dof).fold(0.0, |sum, part| sum + part);
         let (linear, angular) = self.momenta();
-        let broken = self.energy.fracture().map(counts).unwrap_or_default();
+        let broken = self.energy.fracture().map(|fracture| fracture.n_broken()).unwrap_or_default();
         self.balance.open(total(&self.parts));
         let sums = [
             &[kinetic][..],
@@ -335,12 +343,6 @@ impl<O: Others> Motion<'_, O> {
     fn is_at_row(&self) -> bool {
         self.done == 0 || self.row_behind(self.done - 1) == self.done
     }
-}
-
-/// How many bonds, triangles and tetrahedra are broken.
-fn counts(fracture: &dyn Fracture) -> [usize; 3] {
-    let of = |measure| fracture.counts_of(measure).map_or(0, |counts| counts[1]);
-    [fracture.counts()[1], of(Measure::Area), of(Measure::Volume)]
 }
 
 impl<O: Others> March for Motion<'_, O> {

@@ -80,18 +80,18 @@ impl CriticalStep {
         constraints: &Constraints,
         precision: Precision,
     ) -> Result<Option<CriticalStep>, NonFinite> {
-        let seconds = Seconds::of(energy, (u, v))?;
-        Ok(seconds.critical(&Nobody, energy.dimension(), masses, constraints, precision))
+        let hessians = Hessians::of(energy, (u, v))?;
+        Ok(hessians.critical(&Nobody, energy.dimension(), masses, constraints, precision))
     }
 }
 
 /// Second derivatives by displacements and, where bonds dissipate, by velocities.
-pub(super) struct Seconds<'a> {
+pub(super) struct Hessians<'a> {
     stiffness: Box<dyn Hessian + 'a>,
     viscosity: Option<Box<dyn Hessian + 'a>>,
 }
 
-impl<'a> Seconds<'a> {
+impl<'a> Hessians<'a> {
     /// At displacements in m and velocities in m/s, `n x d`.
     ///
     /// # Errors
@@ -99,9 +99,9 @@ impl<'a> Seconds<'a> {
     pub(super) fn of(
         energy: &'a dyn Energy,
         (u, v): (&[f64], &[f64]),
-    ) -> Result<Seconds<'a>, NonFinite> {
+    ) -> Result<Hessians<'a>, NonFinite> {
         let viscosity = energy.dissipation().map(|dissipation| dissipation.viscosity(u, v));
-        Ok(Seconds { stiffness: energy.hessian(u)?, viscosity: viscosity.transpose()? })
+        Ok(Hessians { stiffness: energy.hessian(u)?, viscosity: viscosity.transpose()? })
     }
 
     /// What [`CriticalStep::find`] says, of a body in `d` dimensions; where it has other parts, degrees of freedom

@@ -2,6 +2,7 @@
 
 use piola_mechanics::vector::norm_of;
 
+use super::others::flag;
 use super::{FlownOff, Motion, MotionError, Others, ROUNDED};
 
 impl<O: Others> Motion<'_, O> {
@@ -32,7 +33,7 @@ impl<O: Others> Motion<'_, O> {
             let way = self.dt * (self.v.value[dof] - drift).abs();
             way <= self.extent + ROUNDED * self.dt * drift.abs()
         };
-        let mut leaves = [if self.counted_dofs().all(stays) { 0.0 } else { 1.0 }];
+        let mut leaves = [flag(!self.counted_dofs().all(stays))];
         self.others.max(&mut leaves);
         leaves == [0.0]
     }

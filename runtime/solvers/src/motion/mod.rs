@@ -48,7 +48,7 @@ use crate::watch::{Event, Watch};
 use advance::LOOK;
 use balance::Balance;
 pub use balance::Row;
-use critical::Seconds;
+use critical::Hessians;
 pub use critical::{CriticalStep, Precision, step_by_row_sums};
 use dissipation::Viscous;
 pub use error::{FlownOff, MotionError};
@@ -379,16 +379,17 @@ impl<'a, O: Others> Motion<'a, O> {
     }
 
     fn look(&self, precision: Precision) -> Result<Option<CriticalStep>, MotionError> {
-        let seconds = Seconds::of(self.energy, (&self.u.value, &self.v.value));
-        let seconds = agreed(self.others, seconds.map_err(|cause| self.not_finite(cause)))?;
+        let hessians = Hessians::of(self.energy, (&self.u.value, &self.v.value));
+        let hessians = agreed(self.others, hessians.map_err(|cause| self.not_finite(cause)))?;
         let (d, masses) = (self.energy.dimension(), &self.masses);
-        Ok(seconds.critical(self.others, d, masses, &self.constraints, precision))
+        Ok(hessians.critical(self.others, d, masses, &self.constraints, precision))
     }
 
     /// Forces at the start, and the velocity half a step before it.
     fn start(&mut self) -> Result<(), MotionError> {
         let begun = self.begin();
-        agreed(self.others, begun)?;
+        let broken = agreed(self.others, begun)?;
+        self.tell_of_start(broken);
         if self.is_implicit() {
             let free = self.constraints.free().iter();
             let of = |dof: &usize| 0.5 * self.mass(*dof) * self.v.value[*dof] * self.v.value[*dof];
@@ -400,17 +401,20 @@ impl<'a, O: Others> Motion<'a, O> {
         self.meet(begun)
     }
 
-    /// What there is at the start: velocities, loads and forces, behind what breaks.
-    fn begin(&mut self) -> Result<(), MotionError> {
+    /// What there is at the start: velocities, loads and forces, behind what breaks, of which it says how many.
+    fn begin(&mut self) -> Result<[usize; 3], MotionError> {
         self.ask_velocities(0.0)?;
         for (&dof, &value) in self.drive.driven().iter().zip(&self.velocities) {
             self.v.set(dof, value);
         }
         self.mean.copy_from_slice(&self.v.value);
         self.ask_loads(true)?;
-        self.break_at_start()?;
+        let broken = self.break_at_start()?;
         self.ask_forces(true)?;
-        if self.is_implicit() { Ok(()) } else { self.begin_dissipation() }
+        if !self.is_implicit() {
+            self.begin_dissipation()?;
+        }
+        Ok(broken)
     }
 
     /// The velocity half a step before the start, and the first kick.

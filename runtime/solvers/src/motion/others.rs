@@ -50,7 +50,7 @@ pub(super) fn agreed<T>(
 }
 
 /// As a number that is added up and compared.
-fn flag(is_so: bool) -> f64 {
+pub(super) fn flag(is_so: bool) -> f64 {
     f64::from(u8::from(is_so))
 }
 

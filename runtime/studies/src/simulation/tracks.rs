@@ -134,8 +134,7 @@ impl<'a> Tracks<'a> {
     }
 
     fn broken(&self) -> [usize; 3] {
-        let bonds = self.energy.fracture().map_or(0, |fracture| fracture.counts()[1]);
-        [bonds, self.counts(Measure::Area).unwrap_or(0), self.counts(Measure::Volume).unwrap_or(0)]
+        self.energy.fracture().map_or([0; 3], |fracture| fracture.n_broken())
     }
 
     /// The row at `t`, when the broken bonds had held so much, in J.

@@ -52,8 +52,8 @@ use share::{Share, reach};
 use slab::Slab;
 use steps::{Found, LoadSteps, Solves, agreed, lost};
 
-/// Runs a case over all ranks of an engine: its load steps or its motion. All of them call it with the same case; rank 0 has the
-/// folder, and alone writes. Collective.
+/// Runs a case over all ranks of an engine: its load steps or its motion. All of them call it with the same case;
+/// rank 0 has the folder, and alone writes. Collective.
 ///
 /// # Errors
 /// On all ranks: a case that cannot be run so, or cannot start; what PETSc reports; a file that cannot be written.

@@ -2,7 +2,6 @@
 
 use piola_grammar::counted;
 use piola_mechanics::energy::{Energy as _, Total};
-use piola_mechanics::fracture::Fracture;
 use piola_mechanics::interaction::Inverted;
 use piola_mechanics::kernel::Measure;
 use piola_output::fracture::{FractureColumns, FractureRow};
@@ -81,10 +80,11 @@ fn moved(
     let Begun { engine, case, folder, energy, .. } = *sight.begun;
     enter(&mut clock, sight.begun.watch, "move");
     let resolved = case.scene.resolved_toml();
-    let whole_masses = case.masses().unwrap_or_default();
-    let conditions = MotionConditions::new(sight.begun.boundary, &whole_masses);
-    let fixed = agreed(engine, conditions.map_err(CaseError::from))?.fixed();
-    let points = folder.map(|_| {
+    // What is of the whole body rank 0 alone has.
+    let masses = folder.and_then(|_| case.masses()).unwrap_or_default();
+    let of_whole = || MotionConditions::new(sight.begun.boundary, &masses).map(|one| one.fixed());
+    let fixed = folder.map(|_| of_whole().map_err(CaseError::from)).transpose();
+    let points = agreed(engine, fixed)?.map(|fixed| {
         let points = Points::of(&case.body).with_mesh(case.mesh.clone());
         points.with_held(&case.body, &fixed)
     });
@@ -125,7 +125,7 @@ fn moved(
         (Some(recorder), Some(folder)) => {
             let options = sight.begun.options.clone();
             let title = options.title;
-            let mass = whole_masses.iter().fold(0.0, |sum, one| sum + one);
+            let mass = masses.iter().fold(0.0, |sum, one| sum + one);
             let told = last.as_ref().map(|last| {
                 let told = (&last.row, recorder.worst.share(), None);
                 told::summary((scene, motion), told, energy, mass)
@@ -177,7 +177,7 @@ fn go(
                 let is_due = told::is_due(case, n_frames, row.t);
                 n_frames += usize::from(is_due);
                 let moment = Moment::of(row.t, &motion.state());
-                let seen = sight.seen(&row, &moment);
+                let seen = sight.seen(&moment);
                 let look = is_due.then(|| sight.look(&moment)).flatten();
                 let written = match recorder {
                     Some(recorder) => recorder.record(&row, seen, look),
@@ -208,11 +208,8 @@ fn go(
 
 /// Bonds, triangles and tetrahedra that are broken in all of the body. Collective.
 fn broken(engine: &Engine, energy: &Total<'_>) -> [usize; 3] {
-    let of = |fracture: &dyn Fracture| {
-        let kind = |measure| fracture.counts_of(measure).map_or(0, |counts| counts[1]);
-        [fracture.counts()[1], kind(Measure::Area), kind(Measure::Volume)]
-    };
-    let mut counts = energy.fracture().map_or([0; 3], of).map(|count| count as f64);
+    let own = energy.fracture().map_or([0; 3], |fracture| fracture.n_broken());
+    let mut counts = own.map(|count| count as f64);
     engine.sum(&mut counts);
     counts.map(|count| count as usize)
 }
@@ -278,8 +275,8 @@ impl Sight<'_> {
         told::columns(part, energy, selection, fracture)
     }
 
-    /// What tables tell of sets, probes and what breaks, of the whole body. Collective.
-    fn seen(&self, row: &Row, now: &Moment) -> Seen {
+    /// What tables tell of sets and probes of the whole body. Collective.
+    fn seen(&self, now: &Moment) -> Seen {
         let Begun { engine, share, selection, case, .. } = *self.begun;
         let d = case.body.dimension();
         let mut numbers = self.own.reactions(&now.residual, d).concat();
@@ -291,16 +288,7 @@ impl Sight<'_> {
         engine.sum(&mut numbers);
         let rows: Vec<Vec<f64>> = numbers.chunks(d).map(<[f64]>::to_vec).collect();
         let (reactions, probes) = rows.split_at(selection.sets.len());
-        let broken = row.broken.map(|bonds| (bonds, row.broken_cliques));
-        // How many broke since the row before is filled in by who knows that row.
-        let fracture = broken.map(|(bonds, cliques)| FractureRow {
-            t: row.t,
-            bonds: [0, bonds],
-            cliques: cliques.map(|count| count.map(|count| [0, count])),
-            released: row.released,
-            tracks: Vec::new(),
-        });
-        Seen { reactions: reactions.to_vec(), probes: probes.to_vec(), fracture }
+        Seen { reactions: reactions.to_vec(), probes: probes.to_vec(), fracture: None }
     }
 
     /// A frame of the whole body, on rank 0. Collective.
@@ -380,21 +368,29 @@ impl<'a> Recorder<'a> {
 
     fn record(&mut self, row: &Row, mut seen: Seen, look: Option<Look>) -> Result<(), OutputError> {
         self.worst.note(row);
-        if let Some(fracture) = &mut seen.fracture {
-            let [areas, volumes] = fracture.cliques.each_mut();
-            let kinds = [Some(&mut fracture.bonds), areas.as_mut(), volumes.as_mut()];
-            for (kind, before) in kinds.into_iter().zip(&mut self.broken) {
-                let Some([since, now]) = kind else { continue };
-                *since = *now - *before;
-                *before = *now;
-            }
-        }
+        seen.fracture = row.broken.map(|bonds| self.fracture_row(row, bonds));
         self.tables.push(&told::row(row, self.sight.begun.energy, seen))?;
         if let Some(look) = look {
             self.frames.push(&look.frame)?;
             self.last = Some(look);
         }
         Ok(())
+    }
+
+    /// What is broken, and how much of it since the row before.
+    fn fracture_row(&mut self, row: &Row, bonds: usize) -> FractureRow {
+        let [areas, volumes] = row.broken_cliques;
+        let now = [Some(bonds), areas, volumes];
+        let before = self.broken;
+        let counts = |kind: usize| now[kind].map(|count: usize| [count - before[kind], count]);
+        self.broken = now.map(Option::unwrap_or_default);
+        FractureRow {
+            t: row.t,
+            bonds: [bonds - before[0], bonds],
+            cliques: [counts(1), counts(2)],
+            released: row.released,
+            tracks: Vec::new(),
+        }
     }
 
     /// The frame of the last row, unless it was due, displacements and picture.

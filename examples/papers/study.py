@@ -52,6 +52,8 @@ class Number(Judged):
     unit: str = ""
     independent: float | None = None
     """The same quantity by another program or in closed form."""
+    rounding: float = 0.0
+    """What rounding leaves open of `ours`, where that is more than the digits of the page: processors differ by it."""
 
     @property
     def verdict(self) -> str:

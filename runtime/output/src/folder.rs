@@ -16,6 +16,10 @@ pub enum OutputFile {
     Frame(usize),
     /// `frames/cells_000000.vtu`: the mesh of a body whose points are its cells.
     Cells(usize),
+    /// `frames/frame_000000.pvtu`: the list of what several processes wrote of a frame.
+    Pieces(usize),
+    /// `frames/frame_000000_0000.vtu`: what one of them wrote.
+    Piece(usize, usize),
     /// `displacement.csv`.
     Displacement,
     /// `reactions.csv`.
@@ -106,6 +110,8 @@ impl OutputFile {
             OutputFile::Collection => "run.pvd".to_owned(),
             OutputFile::Frame(index) => format!("frame_{index:06}.vtu"),
             OutputFile::Cells(index) => format!("cells_{index:06}.vtu"),
+            OutputFile::Pieces(index) => format!("frame_{index:06}.pvtu"),
+            OutputFile::Piece(index, piece) => format!("frame_{index:06}_{piece:04}.vtu"),
             OutputFile::Displacement => "displacement.csv".to_owned(),
             OutputFile::Reactions => "reactions.csv".to_owned(),
             OutputFile::Forces => "force_displacement.csv".to_owned(),
@@ -136,7 +142,10 @@ impl OutputFile {
     /// The path relative to the output folder, with `/` on every system as `run.pvd` needs it.
     pub fn relative(self) -> String {
         match self {
-            OutputFile::Frame(_) | OutputFile::Cells(_) => format!("{FRAMES}/{}", self.name()),
+            OutputFile::Frame(_)
+            | OutputFile::Cells(_)
+            | OutputFile::Pieces(_)
+            | OutputFile::Piece(..) => format!("{FRAMES}/{}", self.name()),
             _ => self.name(),
         }
     }
@@ -346,15 +355,20 @@ fn remove_frames(folder: &Path, those: impl Fn(&str) -> bool) -> Result<(), Outp
     Ok(())
 }
 
-/// `frame_000012.vtu` or `cells_000012.vtu`, or its temporary name.
+/// `frame_000012.vtu`, `cells_000012.vtu`, `frame_000012.pvtu` or `frame_000012_0003.vtu`, or its temporary name.
 fn is_frame_name(name: &str) -> bool {
     let whole = of_partial(name).unwrap_or(name);
-    let digits = whole
-        .strip_prefix("frame_")
-        .or(whole.strip_prefix("cells_"))
-        .and_then(|rest| rest.strip_suffix(".vtu"))
-        .unwrap_or("");
-    digits.len() >= 6 && digits.bytes().all(|b| b.is_ascii_digit())
+    let are_digits =
+        |word: &str, least: usize| word.len() >= least && word.bytes().all(|b| b.is_ascii_digit());
+    let Some((stem, ending)) = whole.split_once('.') else { return false };
+    match (stem.strip_prefix("frame_"), stem.strip_prefix("cells_"), ending) {
+        (Some(number), _, "pvtu") | (_, Some(number), "vtu") => are_digits(number, 6),
+        (Some(number), _, "vtu") => match number.split_once('_') {
+            Some((number, piece)) => are_digits(number, 6) && are_digits(piece, 4),
+            None => are_digits(number, 6),
+        },
+        _ => false,
+    }
 }
 
 fn remove_if_there(path: &Path) -> Result<(), OutputError> {
@@ -455,8 +469,17 @@ mod tests {
             ".summary.json.4711.partial",
             "frames/.frame_000008.vtu.partial",
             "frames/.frame_000008.vtu.4711.partial",
+            "frames/frame_000008.pvtu",
+            "frames/frame_000008_0013.vtu",
+            "frames/.frame_000008_0013.vtu.4711.partial",
         ];
-        let theirs = ["notes.txt", "other.csv", "frames/mine.vtu", "frames/frame_1.vtu"];
+        let theirs = [
+            "notes.txt",
+            "other.csv",
+            "frames/mine.vtu",
+            "frames/frame_1.vtu",
+            "frames/frame_000001_1.vtu",
+        ];
         for name in ours.iter().chain(&theirs) {
             fs::write(dir.path().join(name), "x").unwrap();
         }
@@ -466,7 +489,10 @@ mod tests {
 
         OutputFolder::create(dir.path(), true).unwrap();
         assert_eq!(names(dir.path()), ["frames", "notes.txt", "other.csv"]);
-        assert_eq!(names(&dir.path().join("frames")), ["frame_1.vtu", "mine.vtu"]);
+        assert_eq!(
+            names(&dir.path().join("frames")),
+            ["frame_000001_1.vtu", "frame_1.vtu", "mine.vtu"]
+        );
     }
 
     #[test]

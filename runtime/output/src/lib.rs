@@ -3,6 +3,7 @@
 //! | file | written by | content |
 //! |---|---|---|
 //! | `run.pvd`, `frames/*.vtu` | [`pvd::FrameSeries`] | the body at chosen times, for ParaView; of a mesh its cells, too |
+//! | `frames/*.pvtu` | [`pvd::FrameSeries`], [`pieces`] | the same of a body that many processes share |
 //! | `displacement.csv`, `reactions.csv`, `energy.csv`, `probes.csv` | [`table`] | numbers, one row per point or step |
 //! | `motion.csv` | [`motion`] | the account of energy of a body in motion, and its momenta |
 //! | `fracture.csv` | [`fracture`], by [`motion`] or [`table`] | what broke, and where the tips of cracks are |
@@ -32,6 +33,7 @@ pub mod history;
 pub mod mesh;
 pub mod motion;
 pub mod picture;
+pub mod pieces;
 pub mod pvd;
 pub mod read;
 pub mod report;

@@ -3,6 +3,7 @@
 use std::fmt::Write;
 
 use super::mesh::{Mesh, PointsAre};
+use super::pieces::{self, Piece};
 use super::vtu::{encode_cells, encode_vtu};
 use super::{Frame, OutputError, OutputFile, OutputFolder, Points, decimal};
 
@@ -14,8 +15,17 @@ use super::{Frame, OutputError, OutputFile, OutputFolder, Points, decimal};
 #[derive(Debug)]
 pub struct FrameSeries<'a> {
     folder: &'a OutputFolder,
-    points: &'a Points,
+    form: Form<'a>,
     times: Vec<f64>,
+}
+
+/// How frames are written.
+#[derive(Debug)]
+enum Form<'a> {
+    /// Whole, of these points.
+    Whole(&'a Points),
+    /// By so many processes, of which this is one's own piece.
+    Pieces(&'a Piece, usize),
 }
 
 impl<'a> FrameSeries<'a> {
@@ -24,9 +34,21 @@ impl<'a> FrameSeries<'a> {
         folder: &'a OutputFolder,
         points: &'a Points,
     ) -> Result<FrameSeries<'a>, OutputError> {
-        let series = FrameSeries { folder, points, times: Vec::new() };
-        series.write_list()?;
-        Ok(series)
+        FrameSeries { folder, form: Form::Whole(points), times: Vec::new() }.begun()
+    }
+
+    /// A series without frames, of each of which so many processes write pieces; writes an empty `run.pvd`.
+    pub fn in_pieces(
+        folder: &'a OutputFolder,
+        own: &'a Piece,
+        n_pieces: usize,
+    ) -> Result<FrameSeries<'a>, OutputError> {
+        FrameSeries { folder, form: Form::Pieces(own, n_pieces), times: Vec::new() }.begun()
+    }
+
+    fn begun(self) -> Result<FrameSeries<'a>, OutputError> {
+        self.write_list()?;
+        Ok(self)
     }
 
     /// Goes on behind the frames of these times; later ones are no frames any more.
@@ -35,8 +57,7 @@ impl<'a> FrameSeries<'a> {
         points: &'a Points,
         times: Vec<f64>,
     ) -> Result<FrameSeries<'a>, OutputError> {
-        let series = FrameSeries { folder, points, times };
-        series.write_list()?;
+        let series = FrameSeries { folder, form: Form::Whole(points), times }.begun()?;
         for index in series.times.len().. {
             if !folder.path_of(OutputFile::Frame(index)).is_file() {
                 break;
@@ -54,16 +75,25 @@ impl<'a> FrameSeries<'a> {
         &self.times
     }
 
-    /// Writes the next frame and the list that includes it.
+    /// Writes the next frame and the list that includes it. In pieces these are written before, and `frame` is that of
+    /// one's own.
     pub fn push(&mut self, frame: &Frame) -> Result<(), OutputError> {
-        if let Some(mesh) = self.cells() {
-            let file = OutputFile::Cells(self.times.len());
-            let encoded = encode_cells(mesh, self.points, frame);
-            self.folder.write_with(file, |out| encoded.write_to(out))?;
+        let index = self.times.len();
+        match self.form {
+            Form::Whole(points) => {
+                if let Some(mesh) = self.cells() {
+                    let encoded = encode_cells(mesh, points, frame);
+                    let file = OutputFile::Cells(index);
+                    self.folder.write_with(file, |out| encoded.write_to(out))?;
+                }
+                let encoded = encode_vtu(points, frame);
+                self.folder.write_with(OutputFile::Frame(index), |out| encoded.write_to(out))?;
+            }
+            Form::Pieces(piece, n) => {
+                let list = pieces::list(index, n, &piece.arrays(frame));
+                self.folder.write(OutputFile::Pieces(index), list.as_bytes())?;
+            }
         }
-        let file = OutputFile::Frame(self.times.len());
-        let encoded = encode_vtu(self.points, frame);
-        self.folder.write_with(file, |out| encoded.write_to(out))?;
         self.times.push(frame.t);
         self.write_list().inspect_err(|_| {
             self.times.pop();
@@ -77,23 +107,28 @@ impl<'a> FrameSeries<'a> {
 
     /// The mesh whose cells are the points: of it frames have a second part.
     fn cells(&self) -> Option<&'a Mesh> {
-        self.points.mesh.as_deref().filter(|mesh| mesh.points_are() == PointsAre::Cells)
+        let Form::Whole(points) = self.form else { return None };
+        points.mesh.as_deref().filter(|mesh| mesh.points_are() == PointsAre::Cells)
     }
 
     fn write_list(&self) -> Result<(), OutputError> {
-        let list = collection(&self.times, self.cells().is_some());
+        let frame = match self.form {
+            Form::Whole(_) => OutputFile::Frame,
+            Form::Pieces(..) => OutputFile::Pieces,
+        };
+        let list = collection(&self.times, frame, self.cells().is_some());
         self.folder.write(OutputFile::Collection, list.as_bytes())
     }
 }
 
-fn collection(times: &[f64], has_cells: bool) -> String {
+fn collection(times: &[f64], frame: fn(usize) -> OutputFile, has_cells: bool) -> String {
     let mut out = String::from(
         "<?xml version=\"1.0\"?>\n\
          <VTKFile type=\"Collection\" version=\"0.1\" byte_order=\"LittleEndian\">\n\
          <Collection>\n",
     );
     for (index, &t) in times.iter().enumerate() {
-        let parts = [Some(OutputFile::Frame(index)), has_cells.then_some(OutputFile::Cells(index))];
+        let parts = [Some(frame(index)), has_cells.then_some(OutputFile::Cells(index))];
         for (part, file) in parts.into_iter().flatten().enumerate() {
             let (t, file) = (decimal(t), file.relative());
             let _ = writeln!(
@@ -196,7 +231,7 @@ mod tests {
 
     #[test]
     fn cut_lists_are_noticed() {
-        let whole = collection(&[0.0, 0.5], false);
+        let whole = collection(&[0.0, 0.5], OutputFile::Frame, false);
         assert_eq!(read_pvd(&whole).unwrap().len(), 2);
         for length in 0..whole.len() {
             assert_eq!(read_pvd(&whole[..length]), None);

@@ -14,12 +14,16 @@ pub(super) const COMPONENTS: [&str; 3] = ["u", "v", "w"];
 /// Suffixes of the components of a reaction.
 pub(super) const AXES: [&str; 3] = ["x", "y", "z"];
 
-/// `displacement.csv`: `X,Y[,Z],u,v[,w]` in m, one row per point in the user's order.
-pub fn displacement_table(points: &Points, displacement: &[f64]) -> String {
-    let d = points.dimension;
-    let header = COORDINATES[..d].iter().chain(&COMPONENTS[..d]).map(|name| name.to_string());
-    let mut table = Table::new(header);
-    for (position, u) in points.positions.chunks_exact(d).zip(displacement.chunks_exact(d)) {
+/// The header of `displacement.csv`: `X,Y[,Z],u,v[,w]` in m, one row per point in the user's order.
+fn displacement_header(d: usize) -> String {
+    let names = COORDINATES[..d].iter().chain(&COMPONENTS[..d]).map(|name| name.to_string());
+    Table::new(names).text
+}
+
+/// Rows of it, of points at `positions`; both are `n x d`, in m.
+fn displacement_rows(d: usize, positions: &[f64], displacement: &[f64]) -> String {
+    let mut table = Table { text: String::new() };
+    for (position, u) in positions.chunks_exact(d).zip(displacement.chunks_exact(d)) {
         table.row(position.iter().chain(u));
     }
     table.text
@@ -115,13 +119,36 @@ pub fn write_history(folder: &OutputFolder, history: &History) -> Result<(), Out
     folder.write(OutputFile::Probes, probes_table(history).as_bytes())
 }
 
+/// Points whose rows are text at once.
+const ROWS_AT_ONCE: usize = 1 << 12;
+
 /// Writes `displacement.csv`.
 pub fn write_displacement(
     folder: &OutputFolder,
     points: &Points,
     displacement: &[f64],
 ) -> Result<(), OutputError> {
-    folder.write(OutputFile::Displacement, displacement_table(points, displacement).as_bytes())
+    let d = points.dimension;
+    let parts = points.positions.chunks(ROWS_AT_ONCE * d);
+    let mut parts = parts.zip(displacement.chunks(ROWS_AT_ONCE * d));
+    write_displacement_of(folder, d, || parts.next())
+}
+
+/// The same of points that come part by part, in the user's order: positions and displacements of the next ones, until
+/// there are none.
+pub fn write_displacement_of<P: AsRef<[f64]>>(
+    folder: &OutputFolder,
+    d: usize,
+    mut next: impl FnMut() -> Option<(P, P)>,
+) -> Result<(), OutputError> {
+    folder.write_with(OutputFile::Displacement, |out| {
+        out.write_all(displacement_header(d).as_bytes())?;
+        while let Some((positions, displacement)) = next() {
+            let rows = displacement_rows(d, positions.as_ref(), displacement.as_ref());
+            out.write_all(rows.as_bytes())?;
+        }
+        Ok(())
+    })
 }
 
 /// `t`, then every name with every suffix.
@@ -226,7 +253,11 @@ mod tests {
                 held: Vec::new(),
             };
             let displacement = numbers(7.0);
-            let text = displacement_table(&points, &displacement);
+            let folder = tempfile::tempdir().unwrap();
+            let folder = OutputFolder::create(folder.path(), false).unwrap();
+            write_displacement(&folder, &points, &displacement).unwrap();
+            let file = folder.path_of(OutputFile::Displacement);
+            let text = std::fs::read_to_string(file).unwrap();
             let header = if dimension == 2 { "X,Y,u,v" } else { "X,Y,Z,u,v,w" };
             assert_eq!(text.lines().next(), Some(header));
             assert_eq!(text.lines().count(), n + 1);

@@ -61,13 +61,20 @@ pub fn encode_vtu(points: &Points, frame: &Frame) -> Encoded {
         (_, Some(spacing)) => Cells::of_lattice(points, spacing),
         _ => Cells::none(),
     };
-    encode_with(points, frame, Cells { n_vertices: points.n_points(), ..cells })
+    encode_with(points, frame, cells.with_vertices(points.n_points()), &[])
 }
 
-fn encode_with(points: &Points, frame: &Frame, cells: Cells) -> Encoded {
+/// The same with these cells, and arrays over points behind the others.
+pub(super) fn encode_with(
+    points: &Points,
+    frame: &Frame,
+    cells: Cells,
+    more: &[(&str, &[f64], usize)],
+) -> Encoded {
     let mut grid = Grid::new(points.dimension);
     let mut point_data = grid.arrays(&[("displacement", &frame.displacement, points.dimension)]);
     point_data += &grid.arrays(&of_points(points, frame, &held(points)));
+    point_data += &grid.arrays(more);
     let positions = grid.positions(&points.positions);
     grid.file(frame.t, [&point_data, "", &positions], points.n_points(), &cells)
 }
@@ -119,7 +126,7 @@ fn held(points: &Points) -> Vec<f64> {
 }
 
 /// What is known of points beside their displacement: names, values, components; `held` as numbers.
-fn of_points<'a>(
+pub(super) fn of_points<'a>(
     points: &'a Points,
     frame: &'a Frame,
     held: &'a [f64],
@@ -138,7 +145,7 @@ fn of_points<'a>(
 }
 
 /// Cells in VTK's arrays: a vertex for each point, if wanted, and others behind them.
-struct Cells {
+pub(super) struct Cells {
     n_vertices: usize,
     /// Of the others, one after the other.
     corners: Vec<u32>,
@@ -146,18 +153,33 @@ struct Cells {
 }
 
 /// What the cells that are no vertices are like.
-enum Forms {
+pub(super) enum Forms {
     All(Shape),
     /// Where the corners of each end, and its type.
     Each(Vec<u32>, Vec<u8>),
 }
 
 impl Cells {
-    fn none() -> Cells {
+    pub(super) fn none() -> Cells {
         Cells { n_vertices: 0, corners: Vec::new(), forms: Forms::All(Shape::Point) }
     }
 
-    fn of_lattice(points: &Points, spacing: f64) -> Cells {
+    /// The same behind a vertex for each of the first so many points.
+    pub(super) fn with_vertices(self, n: usize) -> Cells {
+        Cells { n_vertices: n, ..self }
+    }
+
+    /// Of a lattice those whose first corner is among the first so many points.
+    pub(super) fn of_first(mut self, n: usize) -> Cells {
+        if let Forms::All(shape) = &self.forms {
+            let cells = self.corners.chunks_exact(shape.n_corners());
+            let own = cells.filter(|cell| (cell[0] as usize) < n);
+            self.corners = own.flatten().copied().collect();
+        }
+        self
+    }
+
+    pub(super) fn of_lattice(points: &Points, spacing: f64) -> Cells {
         let flat = points.dimension == 2;
         let shape = if flat { Shape::Quadrilateral } else { Shape::Hexahedron };
         let corners = crate::cells::of_lattice(points.dimension, &points.positions, spacing);
@@ -453,7 +475,7 @@ mod tests {
         let mut cells = Cells { n_vertices: 8, ..Cells::of_lattice(&points, 1.0) };
         assert_eq!((cells.corners.len(), cells.n_cells()), (8, 9));
         cells.corners[3] = cells.corners[2];
-        assert!(decode_vtu(&encode_with(&points, &frame, cells).to_vec()).is_err());
+        assert!(decode_vtu(&encode_with(&points, &frame, cells, &[]).to_vec()).is_err());
     }
 
     #[test]

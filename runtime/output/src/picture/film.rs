@@ -16,8 +16,8 @@ use super::chart::Area;
 use super::charts::spread;
 use super::{Colour, NamedPoints, encode_png, ticks};
 use crate::mesh::{Mesh, PointsAre};
-use crate::results::frame::{Array, ReadFrame, decode_cells};
-use crate::results::{Listed, Results, ResultsError, decoded};
+use crate::results::frame::{Array, ReadFrame, read_cells};
+use crate::results::{Listed, Results, ResultsError};
 use crate::{Frame, Points};
 
 /// Pictures of a film at most; of more frames so many, evenly.
@@ -190,7 +190,7 @@ fn points_of(results: &Results, last: &Listed, read: &ReadFrame) -> Result<Point
     let held = read.arrays.iter().find(|array| array.name == "held");
     let mesh = match mesh {
         Some((file, points_are)) => {
-            let (vertices, cells) = decoded(file, decode_cells)?;
+            let (vertices, cells) = read_cells(file)?;
             let n = match points_are {
                 PointsAre::Cells => cells.len(),
                 PointsAre::Vertices => vertices.len() / 3,

@@ -18,8 +18,8 @@ use base64::prelude::BASE64_STANDARD;
 use serde_json::{Value, json};
 
 use crate::OutputFile;
-use crate::results::frame::{Array, decode_faces};
-use crate::results::{self, Results, ResultsError, decoded};
+use crate::results::frame::{Array, read_faces};
+use crate::results::{self, Results, ResultsError};
 
 /// Rows of a table that the page has at most; of more every so many-th.
 pub const MOST_ROWS: usize = 2000;
@@ -134,7 +134,7 @@ fn body(results: &Results) -> Result<Value, ResultsError> {
     let positions = rows_of(&shown, &end.positions, 3);
     let positions: Vec<u8> = positions.iter().flat_map(|x| (*x as f32).to_le_bytes()).collect();
     // Faces between points that are not shown are none.
-    let faces = if shown.len() == n { decoded(&last.file, decode_faces)? } else { Vec::new() };
+    let faces = if shown.len() == n { read_faces(&last.file)? } else { Vec::new() };
     let faces: Vec<u8> = faces.iter().flatten().flat_map(|point| point.to_le_bytes()).collect();
     let moved = read.iter().map(|arrays| arrays[0].values.as_slice());
     Ok(json!({

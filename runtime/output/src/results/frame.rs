@@ -1,11 +1,15 @@
-//! Frames read back from `.vtu` files of piola: points, displacements, what is known of points, cells.
+//! Frames read back from `.vtu` files of piola, and put together of their pieces: points, displacements, what is known
+//! of points, cells.
 
 use std::collections::BTreeMap;
 use std::io::Read as _;
+use std::path::{Path, PathBuf};
 
 use flate2::read::ZlibDecoder;
 use piola_meshes::Shape;
 
+use super::{ResultsError, decoded};
+use crate::pieces::NUMBERS;
 use crate::vtu::shape_of;
 
 /// What begins the arrays of a file, behind its header.
@@ -13,6 +17,9 @@ const START: &[u8] = b"<AppendedData encoding=\"raw\">\n_";
 
 /// Most bytes of an array, unpacked.
 const MOST_BYTES: u64 = 1 << 32;
+
+/// Numbers of points are below this one: they have room in four bytes.
+const MOST_POINTS: f64 = 4294967295.0;
 
 /// An array over points.
 pub(crate) struct Array {
@@ -43,8 +50,85 @@ fn between<'h>(header: &'h str, open: &str, close: &str) -> Option<&'h str> {
     Some(header.split_once(open)?.1.split_once(close)?.0)
 }
 
+/// A frame, whole or in pieces.
+pub(crate) fn read(path: &Path) -> Result<ReadFrame, ResultsError> {
+    let Some(files) = pieces_of(path)? else { return decoded(path, decode) };
+    let pieces = files.iter().map(|file| decoded(file, decode)).collect::<Result<Vec<_>, _>>()?;
+    joined(&pieces).ok_or_else(|| ResultsError::Broken { path: path.to_owned() })
+}
+
+/// The body that pieces are of.
+fn joined(pieces: &[ReadFrame]) -> Option<ReadFrame> {
+    let places: Vec<Vec<usize>> = pieces.iter().map(numbers).collect::<Option<_>>()?;
+    let n = places.iter().flatten().max()? + 1;
+    // Each point is in a piece: there are no more than all of them have rows.
+    let mut known = (n <= places.iter().map(Vec::len).sum()).then(|| vec![false; n])?;
+    places.iter().flatten().for_each(|place| known[*place] = true);
+    known.iter().all(|known| *known).then_some(())?;
+    let whole = |of: &dyn Fn(&ReadFrame) -> Option<(&[f64], usize)>| -> Option<Vec<f64>> {
+        let width = of(&pieces[0])?.1;
+        let mut all = vec![0.0; n * width];
+        for (piece, places) in pieces.iter().zip(&places) {
+            let (rows, own) = of(piece)?;
+            (own == width).then_some(())?;
+            for (row, place) in rows.chunks_exact(width).zip(places) {
+                all[place * width..(place + 1) * width].copy_from_slice(row);
+            }
+        }
+        Some(all)
+    };
+    let of_body = pieces[0].arrays.iter().filter(|array| array.name != NUMBERS);
+    let arrays = of_body.map(|first| {
+        let values = whole(&|piece| {
+            let array = piece.arrays.iter().find(|array| array.name == first.name)?;
+            Some((&array.values, array.components))
+        })?;
+        Some(Array { name: first.name.clone(), components: first.components, values })
+    });
+    Some(ReadFrame {
+        positions: whole(&|piece| Some((&piece.positions, 3)))?,
+        arrays: arrays.collect::<Option<_>>()?,
+    })
+}
+
+/// The positions of a frame and its cells but single points, whole or in pieces.
+pub(crate) fn read_cells(path: &Path) -> Result<(Vec<f64>, ReadCells), ResultsError> {
+    let Some(files) = pieces_of(path)? else { return decoded(path, decode_cells) };
+    let mut all = Vec::new();
+    for piece in files {
+        let places = decoded(&piece, |bytes| numbers(&decode(bytes)?))?;
+        let (_, cells) = decoded(&piece, decode_cells)?;
+        let number = |corner: u32| places[corner as usize] as u32;
+        all.extend(
+            cells.into_iter().map(|(shape, own)| (shape, own.into_iter().map(number).collect())),
+        );
+    }
+    Ok((read(path)?.positions, all))
+}
+
+/// The files of a frame that is in pieces.
+fn pieces_of(path: &Path) -> Result<Option<Vec<PathBuf>>, ResultsError> {
+    if path.extension().is_none_or(|ending| ending != "pvtu") {
+        return Ok(None);
+    }
+    let list = decoded(path, |bytes| String::from_utf8(bytes.to_vec()).ok())?;
+    let folder = path.parent().unwrap_or(Path::new("."));
+    let names = list.split("<Piece Source=\"").skip(1).filter_map(|rest| rest.split_once('"'));
+    // Names of files beside it: nothing leads out of the folder.
+    let files = names.filter_map(|(name, _)| Some(folder.join(Path::new(name).file_name()?)));
+    Ok(Some(files.collect()))
+}
+
+/// What number each point of a piece has in the body.
+fn numbers(piece: &ReadFrame) -> Option<Vec<usize>> {
+    let array = piece.arrays.iter().find(|array| array.name == NUMBERS && array.components == 1)?;
+    let is_number = |x: f64| (0.0..MOST_POINTS).contains(&x) && x.fract() == 0.0;
+    let number = |x: &f64| is_number(*x).then_some(*x as usize);
+    array.values.iter().map(number).collect()
+}
+
 /// The points of a file and their arrays.
-pub(crate) fn decode(bytes: &[u8]) -> Option<ReadFrame> {
+fn decode(bytes: &[u8]) -> Option<ReadFrame> {
     let (header, appended) = halves(bytes)?;
     let arrays = |part: &str| -> Option<Vec<Array>> {
         part.split("<DataArray ").skip(1).map(|tag| array(tag, appended)).collect()
@@ -59,7 +143,7 @@ pub(crate) fn decode(bytes: &[u8]) -> Option<ReadFrame> {
 }
 
 /// The positions of a file and its cells but single points.
-pub(crate) fn decode_cells(bytes: &[u8]) -> Option<(Vec<f64>, ReadCells)> {
+fn decode_cells(bytes: &[u8]) -> Option<(Vec<f64>, ReadCells)> {
     let (header, appended) = halves(bytes)?;
     let points = between(header, "<Points>", "</Points>")?;
     let positions = array(points.split("<DataArray ").nth(1)?, appended)?.values;
@@ -106,9 +190,12 @@ fn faces_of(shape: Shape) -> &'static [[usize; 4]] {
     }
 }
 
-/// The faces of all cells but those between two of them, four corners each; of a triangle the last twice.
-pub(crate) fn decode_faces(bytes: &[u8]) -> Option<Vec<[u32; 4]>> {
-    let (_, cells) = decode_cells(bytes)?;
+/// The faces of all cells of a frame but those between two of them, four corners each; of a triangle the last twice.
+pub(crate) fn read_faces(path: &Path) -> Result<Vec<[u32; 4]>, ResultsError> {
+    Ok(outside(read_cells(path)?.1))
+}
+
+fn outside(cells: ReadCells) -> Vec<[u32; 4]> {
     let mut seen: BTreeMap<[u32; 4], Option<[u32; 4]>> = BTreeMap::new();
     for (shape, corners) in cells {
         for face in faces_of(shape) {
@@ -118,7 +205,7 @@ pub(crate) fn decode_faces(bytes: &[u8]) -> Option<Vec<[u32; 4]>> {
             seen.entry(key).and_modify(|face| *face = None).or_insert(Some(own));
         }
     }
-    Some(seen.into_values().flatten().collect())
+    seen.into_values().flatten().collect()
 }
 
 fn array(tag: &str, appended: &[u8]) -> Option<Array> {
@@ -190,7 +277,8 @@ mod tests {
                 velocity: Vec::new(),
                 fields: Vec::new(),
             };
-            (decode_faces(&encode_vtu(&points, &frame).to_vec()).unwrap(), points.positions)
+            let bytes = encode_vtu(&points, &frame).to_vec();
+            (outside(decode_cells(&bytes).unwrap().1), points.positions)
         };
         assert_eq!(lattice([2, 2, 2]).0.len(), 6);
         // Two by three by four cells: 2 (2*3 + 3*4 + 2*4) faces.
@@ -228,7 +316,7 @@ mod tests {
         let bytes = encode_vtu(&points, &frame).to_vec();
         let read = decode(&bytes).unwrap();
         assert_eq!(read.positions, [0.0, 1.0, 0.0, 2.0, 3.0, 0.0]);
-        assert!(decode_faces(&bytes).unwrap().is_empty());
+        assert!(decode_cells(&bytes).unwrap().1.is_empty());
         assert_eq!(read.arrays[0].name, "displacement");
         assert_eq!(read.arrays[0].values, [0.1, 0.2, 0.0, 0.3, 0.4, 0.0]);
         let last = read.arrays.last().unwrap();

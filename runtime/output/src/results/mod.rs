@@ -122,7 +122,7 @@ impl Results {
 
 impl Listed {
     pub(crate) fn read(&self) -> Result<ReadFrame, ResultsError> {
-        decoded(&self.file, frame::decode)
+        frame::read(&self.file)
     }
 }
 

@@ -1,0 +1,398 @@
+//! What ranks show of a body: frames, of which each writes its own points, and on rank 0 the picture of so many points
+//! as a picture shows.
+
+use std::cell::RefCell;
+use std::path::{Path, PathBuf};
+
+use piola_mechanics::body::Body;
+use piola_output::picture::{Colour, NamedPoints};
+use piola_output::pieces::Piece;
+use piola_output::pvd::FrameSeries;
+use piola_output::table::write_displacement_of;
+use piola_output::{Frame, OutputError, OutputFolder, PointField, Points};
+use piola_petsc::{Engine, EngineError, Halo};
+
+use super::share::Share;
+use super::steps::{agreed, lost};
+use crate::case::Case;
+use crate::scene::selection::Selection;
+use crate::simulation::run::RunError;
+
+/// Most points of a body that rank 0 has for its picture: of larger ones every second is left out along each axis, or
+/// every third, and so on.
+const MOST_SHOWN: usize = 100_000;
+
+/// Points whose displacements rank 0 has at once for the table.
+const ROWS_AT_ONCE: usize = 1 << 16;
+
+/// A lattice's point may be off its place by this part of a spacing.
+const NEAR: f64 = 1e-3;
+
+/// What a rank shows of its own points; rows of numbers are of all that it holds.
+pub(super) struct View<'a> {
+    engine: &'a Engine,
+    body: &'a Body,
+    share: &'a Share,
+    /// How many points the whole body has.
+    n_points: usize,
+    /// Those of its own points that are in the picture, as places among those held.
+    shown: Vec<usize>,
+    /// On rank 0.
+    pub(super) sketch: Option<Sketch>,
+    /// Of a mesh rank 0 writes frames, and of other bodies each rank its piece.
+    pieces: Option<Pieces<'a>>,
+}
+
+/// The points of a picture.
+pub(super) struct Sketch {
+    pub(super) points: Points,
+    pub(super) sets: Vec<NamedPoints>,
+    /// Of rows as they come rank by rank, the place among these points.
+    places: Vec<usize>,
+}
+
+impl Sketch {
+    /// Rows of so many numbers at their places.
+    fn placed(&self, rows: &[f64], width: usize) -> Vec<f64> {
+        let mut all = vec![0.0; rows.len()];
+        for (row, place) in rows.chunks_exact(width).zip(&self.places) {
+            all[place * width..(place + 1) * width].copy_from_slice(row);
+        }
+        all
+    }
+}
+
+/// What a picture shows of one time: on rank 0, of the points of a sketch. Of a mesh it is the whole frame.
+pub(super) struct Look {
+    pub(super) frame: Frame,
+    pub(super) colour: Option<Colour>,
+}
+
+impl<'a> View<'a> {
+    /// Of the part of a case that a rank holds; `selection` is what it holds of sets, `fixed` are degrees of freedom of
+    /// its own that are prescribed. `folder` is that of rank 0. Collective.
+    ///
+    /// # Errors
+    /// What PETSc reports.
+    pub(super) fn new(
+        (engine, share): (&'a Engine, &'a Share),
+        (whole, part): (&Case, &'a Case),
+        (selection, fixed): (&Selection, &[usize]),
+        folder: Option<&OutputFolder>,
+    ) -> Result<View<'a>, RunError> {
+        let body = part.body.as_ref();
+        let n_points = share.ranges.last().map_or(0, |n| *n as usize);
+        let stride = if whole.mesh.is_some() { 1 } else { stride(n_points, body) };
+        let own = share.own_of_held();
+        let is_shown = shown(engine, body, own.clone(), stride);
+        let shown: Vec<usize> = own.filter(|point| is_shown(*point)).collect();
+        let held = held(body, fixed);
+        let sketch = sketch(engine, (body, &shown), (selection, &held), stride);
+        let mesh = whole.mesh.clone();
+        let sketch = sketch.map(|one| Sketch { points: one.points.with_mesh(mesh), ..one });
+        let pieces = match whole.mesh {
+            Some(_) => None,
+            None => Some(Pieces::new((engine, share), body, &held, folder).map_err(lost)?),
+        };
+        Ok(View { engine, body, share, n_points, shown, sketch, pieces })
+    }
+
+    /// How many points the whole body has.
+    pub(super) fn n_points(&self) -> usize {
+        self.n_points
+    }
+
+    /// The frames of the body, as rank 0 lists them.
+    pub(super) fn series<'s>(
+        &'s self,
+        folder: &'s OutputFolder,
+        sketch: &'s Sketch,
+    ) -> Result<FrameSeries<'s>, OutputError> {
+        match &self.pieces {
+            Some(pieces) => FrameSeries::in_pieces(folder, &pieces.piece, self.engine.ranks()),
+            None => FrameSeries::new(folder, &sketch.points),
+        }
+    }
+
+    /// Writes the frame with this number, which `frame` is of all points that are held: what rank 0 is to list, and
+    /// nothing elsewhere; `look` is what it sees of it. Collective.
+    ///
+    /// # Errors
+    /// A file that a rank cannot write; what PETSc reports.
+    pub(super) fn write(
+        &self,
+        index: usize,
+        frame: &Frame,
+        look: Option<&Look>,
+    ) -> Result<Option<Frame>, RunError> {
+        let Some(pieces) = &self.pieces else { return Ok(look.map(|look| look.frame.clone())) };
+        let own = pieces.frame(self.body, frame).map_err(lost)?;
+        let place = (index, self.engine.rank());
+        let written = pieces.piece.write(&pieces.folder, place, &own);
+        agreed(self.engine, written.map_err(RunError::from))?;
+        Ok(look.map(|_| own))
+    }
+
+    /// What rank 0 sees of a frame of what is held. Collective.
+    pub(super) fn look(&self, frame: Frame, colour: Option<Colour>) -> Option<Look> {
+        let d = self.body.dimension();
+        let displacement = self.seen(&frame.displacement, d);
+        let values = colour.as_ref().map(|colour| self.seen(&colour.values, 1));
+        let mut seen = Frame { fields: Vec::new(), velocity: Vec::new(), residual: Vec::new(), ..frame };
+        if self.pieces.is_none() {
+            seen.residual = self.seen(&frame.residual, d);
+            seen.velocity = self.seen(&frame.velocity, d);
+            let whole = |field: PointField| {
+                let values = self.seen(&field.values, field.components);
+                PointField { values, ..field }
+            };
+            seen.fields = frame.fields.into_iter().map(whole).collect();
+        }
+        seen.displacement = displacement;
+        let colour = colour.zip(values).map(|(colour, values)| Colour { values, ..colour });
+        self.sketch.as_ref().map(|_| Look { frame: seen, colour })
+    }
+
+    /// Numbers of what is held as rank 0 sees them; nothing elsewhere. Collective.
+    fn seen(&self, values: &[f64], width: usize) -> Vec<f64> {
+        if values.is_empty() {
+            return Vec::new();
+        }
+        let rows = self.body.from_user_order(values, width);
+        let row = |point: &usize| &rows[point * width..(point + 1) * width];
+        let own: Vec<f64> = self.shown.iter().flat_map(row).copied().collect();
+        let all = gathered(self.engine, &own).zip(self.sketch.as_ref());
+        all.map_or_else(Vec::new, |(all, sketch)| sketch.placed(&all, width))
+    }
+
+    /// Writes the table of displacements, in m, of all points in the user's order; `u` are own ones in the body's.
+    /// Collective.
+    ///
+    /// # Errors
+    /// On rank 0 a file that cannot be written.
+    pub(super) fn write_displacement(
+        &self,
+        folder: Option<&OutputFolder>,
+        u: &[f64],
+    ) -> Result<(), OutputError> {
+        let (d, own) = (self.body.dimension(), self.share.own_of_held());
+        let number = |point: usize| self.body.user_index()[own.start + point] as usize;
+        let mut order: Vec<u32> = (0..own.len() as u32).collect();
+        order.sort_unstable_by_key(|point| number(*point as usize));
+        let (mut rest, mut begin) = (&order[..], 0);
+        let mut next = || {
+            if begin == self.n_points {
+                return None;
+            }
+            let end = self.n_points.min(begin + ROWS_AT_ONCE);
+            let (now, behind) = rest.split_at(rest.partition_point(|one| number(*one as usize) < end));
+            rest = behind;
+            let row = |point: &u32| {
+                let point = *point as usize;
+                let place = (number(point) - begin) as f64;
+                let x = self.body.position(own.start + point);
+                [place].into_iter().chain(x.to_vec()).chain(u[point * d..][..d].to_vec())
+            };
+            let rows = gathered(self.engine, &now.iter().flat_map(row).collect::<Vec<f64>>());
+            let mut parts = [(); 2].map(|()| vec![0.0; (end - begin) * d]);
+            for row in rows.iter().flat_map(|rows| rows.chunks_exact(1 + 2 * d)) {
+                for (part, numbers) in parts.iter_mut().zip(row[1..].chunks_exact(d)) {
+                    part[row[0] as usize * d..][..d].copy_from_slice(numbers);
+                }
+            }
+            begin = end;
+            let [positions, displacement] = parts;
+            Some((positions, displacement))
+        };
+        let written = folder.map_or(Ok(()), |folder| write_displacement_of(folder, d, &mut next));
+        // Other ranks give their rows, also where rank 0 has no use for them any more.
+        while next().is_some() {}
+        written
+    }
+}
+
+/// Own numbers of all ranks, one behind the other, on rank 0: a vector in the body's order. Collective.
+pub(super) fn gathered(engine: &Engine, own: &[f64]) -> Option<Vec<f64>> {
+    let bytes: Vec<u8> = own.iter().flat_map(|x| x.to_le_bytes()).collect();
+    let all = engine.gather(&bytes)?;
+    let numbers = |bytes: &Vec<u8>| -> Vec<f64> {
+        let eights = bytes.chunks_exact(8);
+        eights.filter_map(|eight| Some(f64::from_le_bytes(eight.try_into().ok()?))).collect()
+    };
+    Some(all.iter().flat_map(numbers).collect())
+}
+
+/// How many points of a lattice along each axis are shown as one, or how many of a cloud.
+fn stride(n_points: usize, body: &Body) -> usize {
+    let axes = if body.spacing().is_some() { body.dimension() as u32 } else { 1 };
+    (1..).find(|stride: &usize| n_points / stride.pow(axes) <= MOST_SHOWN).unwrap_or(1)
+}
+
+/// Whether a point is in the picture. Collective.
+fn shown(
+    engine: &Engine,
+    body: &Body,
+    own: std::ops::Range<usize>,
+    stride: usize,
+) -> impl Fn(usize) -> bool {
+    let d = body.dimension();
+    let mut low = vec![f64::NEG_INFINITY; d];
+    for point in own {
+        low.iter_mut().zip(body.position(point)).for_each(|(low, x)| *low = low.max(-x));
+    }
+    engine.max(&mut low);
+    move |point| match body.spacing() {
+        Some(spacing) => body.position(point).iter().zip(&low).all(|(x, low)| {
+            let place = ((x + low) / spacing).round();
+            place % stride as f64 == 0.0
+        }),
+        None => (body.user_index()[point] as usize).is_multiple_of(stride),
+    }
+}
+
+/// Of which points all of the displacement is prescribed, by degrees of freedom that are.
+fn held(body: &Body, fixed: &[usize]) -> Vec<f64> {
+    let d = body.dimension();
+    let mut counts = vec![0; body.n_points()];
+    fixed.iter().for_each(|dof| counts[dof / d] += 1);
+    counts.iter().map(|count| f64::from(*count == d)).collect()
+}
+
+/// The points of the picture, on rank 0. Collective.
+fn sketch(
+    engine: &Engine,
+    (body, shown): (&Body, &[usize]),
+    (selection, held): (&Selection, &[f64]),
+    stride: usize,
+) -> Option<Sketch> {
+    let (d, sets) = (body.dimension(), &selection.sets);
+    let axes = if body.spacing().is_some() { d as i32 } else { 1 };
+    let share = libm::pow(stride as f64, f64::from(axes));
+    let mut own = Vec::new();
+    for &point in shown {
+        own.push(f64::from(body.user_index()[point]));
+        own.extend_from_slice(body.position(point));
+        own.extend([body.volumes()[point] * share, held[point]]);
+        let is_in = |points: &[usize]| f64::from(points.binary_search(&point).is_ok());
+        own.extend(sets.iter().map(|set| is_in(&set.points)));
+    }
+    let all = gathered(engine, &own)?;
+    let rows: Vec<&[f64]> = all.chunks_exact(d + 3 + sets.len()).collect();
+    let mut order: Vec<usize> = (0..rows.len()).collect();
+    order.sort_unstable_by(|a, b| rows[*a][0].total_cmp(&rows[*b][0]));
+    let mut places = vec![0; rows.len()];
+    order.iter().enumerate().for_each(|(place, row)| places[*row] = place);
+    let sorted = || order.iter().map(|row| rows[*row]);
+    let points = Points {
+        dimension: d,
+        positions: sorted().flat_map(|row| &row[1..=d]).copied().collect(),
+        volumes: sorted().map(|row| row[d + 1]).collect(),
+        spacing: body.spacing().map(|spacing| spacing * stride as f64),
+        mesh: None,
+        held: sorted().map(|row| row[d + 2] > 0.0).collect(),
+    };
+    let of_set = |number: usize| {
+        let is_in = |(place, row): (usize, &[f64])| (row[d + 3 + number] > 0.0).then_some(place);
+        sorted().enumerate().filter_map(is_in).collect()
+    };
+    let named = |(number, name): (usize, &String)| NamedPoints {
+        name: name.clone(),
+        points: of_set(number),
+    };
+    let sets = sets.iter().map(|set| &set.name).enumerate().map(named).collect();
+    Some(Sketch { points, sets, places })
+}
+
+/// Frames of own points, and of those behind them that are corners of their cells.
+struct Pieces<'e> {
+    engine: &'e Engine,
+    share: &'e Share,
+    piece: Piece,
+    borrowed: Vec<u64>,
+    /// Exchanges of so many numbers a point, as they were needed.
+    halos: RefCell<Vec<(usize, Halo<'e>)>>,
+    /// Of the run, as rank 0 names it.
+    folder: PathBuf,
+}
+
+impl<'e> Pieces<'e> {
+    fn new(
+        (engine, share): (&'e Engine, &'e Share),
+        body: &Body,
+        held: &[f64],
+        folder: Option<&OutputFolder>,
+    ) -> Result<Pieces<'e>, EngineError> {
+        let own = share.own_of_held();
+        let along = |point: usize| body.position(point)[body.sorted_axis()];
+        let reach = body.spacing().map_or(0.0, |spacing| spacing * (1.0 + NEAR));
+        let near = |point: &usize| along(*point) - along(own.end - 1) <= reach;
+        let behind = (own.end..body.n_points()).take_while(near).count();
+        let last = own.end + if body.spacing().is_some() { behind } else { 0 };
+        let borrowed = (own.end..last).map(|point| (share.held.start + point) as u64).collect();
+        let mut path = folder.map_or_else(Vec::new, |folder| {
+            let path = std::path::absolute(folder.path());
+            let path = path.as_deref().unwrap_or(folder.path());
+            path.to_string_lossy().into_owned().into_bytes()
+        });
+        engine.broadcast(&mut path);
+        let folder = Path::new(String::from_utf8_lossy(&path).as_ref()).to_owned();
+        let (d, points) = (body.dimension(), own.start..last);
+        let number = |point: usize| f64::from(body.user_index()[point]);
+        let piece = Piece {
+            points: Points {
+                dimension: d,
+                positions: body.positions()[points.start * d..points.end * d].to_vec(),
+                volumes: body.volumes()[points.clone()].to_vec(),
+                spacing: body.spacing(),
+                mesh: None,
+                held: Vec::new(),
+            },
+            numbers: points.clone().map(number).collect(),
+            n_own: own.len(),
+        };
+        let halos = RefCell::default();
+        let mut pieces = Pieces { engine, share, piece, borrowed, halos, folder };
+        let held = pieces.brought(held, 1)?;
+        pieces.piece.points.held = held.iter().map(|held| *held > 0.0).collect();
+        Ok(pieces)
+    }
+
+    /// Rows of the piece's points, of rows of all that are held. Collective.
+    fn brought(&self, rows: &[f64], width: usize) -> Result<Vec<f64>, EngineError> {
+        let own = self.share.own_of_held();
+        let mut room = rows[own.start * width..own.end * width].to_vec();
+        room.resize(room.len() + self.borrowed.len() * width, 0.0);
+        let mut halos = self.halos.borrow_mut();
+        let known = halos.iter().position(|(of, _)| *of == width);
+        let known = match known {
+            Some(known) => known,
+            None => {
+                let halo = Halo::new(self.engine, &self.share.ranges, &self.borrowed, width)?;
+                halos.push((width, halo));
+                halos.len() - 1
+            }
+        };
+        halos[known].1.fill(&mut room)?;
+        Ok(room)
+    }
+
+    /// The frame of the piece, of one of what is held. Collective.
+    fn frame(&self, body: &Body, frame: &Frame) -> Result<Frame, EngineError> {
+        let d = body.dimension();
+        let of = |values: &[f64], width: usize| match values {
+            [] => Ok(Vec::new()),
+            values => self.brought(&body.from_user_order(values, width), width),
+        };
+        let field = |field: &PointField| {
+            let values = of(&field.values, field.components)?;
+            Ok(PointField { name: field.name.clone(), components: field.components, values })
+        };
+        Ok(Frame {
+            t: frame.t,
+            displacement: of(&frame.displacement, d)?,
+            residual: of(&frame.residual, d)?,
+            velocity: of(&frame.velocity, d)?,
+            fields: frame.fields.iter().map(field).collect::<Result<_, EngineError>>()?,
+        })
+    }
+}

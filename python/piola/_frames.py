@@ -1,9 +1,11 @@
-"""Frames of a run, `.vtu` files, as arrays."""
+"""Frames of a run, `.vtu` files or pieces that a `.pvtu` lists, as arrays."""
 
 from __future__ import annotations
 
+import operator
 import os
 import zlib
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from xml.etree import ElementTree
 
@@ -41,7 +43,25 @@ def read_frames(folder: str) -> list[Frame]:
 
 
 def read_frame(path: str) -> Frame:
-    """One frame."""
+    """One frame, whole or in the pieces that a `.pvtu` lists."""
+    if not path.endswith(".pvtu"):
+        return _read_file(path)
+    sources = [str(one.get("Source")) for one in ElementTree.parse(path).getroot().iter("Piece")]
+    pieces = [_read_file(os.path.join(os.path.dirname(path), os.path.basename(source))) for source in sources]
+    places = [piece.fields.pop("point").astype(np.int64) for piece in pieces]
+    n = 1 + max(int(own.max()) for own in places)
+
+    def whole(of: Callable[[Frame], NDArray[np.float64]]) -> NDArray[np.float64]:
+        rows = np.full((n, *of(pieces[0]).shape[1:]), np.nan)
+        for piece, own in zip(pieces, places, strict=True):
+            rows[own] = of(piece)
+        return rows
+
+    fields = {name: whole(operator.methodcaller("__getitem__", name)) for name in pieces[0].fields}
+    return Frame(t=pieces[0].t, path=path, positions=whole(lambda piece: piece.positions), fields=fields)
+
+
+def _read_file(path: str) -> Frame:
     with open(path, "rb") as file:
         raw = file.read()
     start = raw.index(_START)

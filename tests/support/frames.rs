@@ -45,6 +45,51 @@ pub(crate) fn read_vtu(path: &Path) -> Result<VtuFile, String> {
     decode_vtu(&std::fs::read(path).map_err(|error| error.to_string())?)
 }
 
+/// The frame with this number in the folder of a run, whole or in pieces.
+pub(crate) fn read_frame(folder: &Path, number: usize) -> Result<VtuFile, String> {
+    let frames = folder.join("frames");
+    match frames.join(format!("frame_{number:06}.pvtu")) {
+        pieces if pieces.is_file() => read_pvtu(&pieces),
+        _ => read_vtu(&frames.join(format!("frame_{number:06}.vtu"))),
+    }
+}
+
+/// The same of a frame in pieces: each number of every point from the piece that is named last.
+fn read_pvtu(path: &Path) -> Result<VtuFile, String> {
+    let list = std::fs::read_to_string(path).map_err(|error| error.to_string())?;
+    let names = list.split("Source=\"").skip(1).filter_map(|rest| Some(rest.split_once('"')?.0));
+    let mut whole: Option<VtuFile> = None;
+    for name in names {
+        let piece = read_vtu(&path.with_file_name(name))?;
+        let numbers = piece.array("point").ok_or_else(|| wrong("a piece without numbers"))?;
+        let numbers = numbers.values.iter().map(|number| *number as usize).collect::<Vec<_>>();
+        let n = numbers.iter().max().map_or(0, |most| most + 1);
+        let whole = whole.get_or_insert_with(|| {
+            let empty = |array: &VtuArray| VtuArray { values: Vec::new(), ..array.clone() };
+            let arrays = piece.arrays.iter().map(empty).collect();
+            VtuFile { t: piece.t, positions: Vec::new(), arrays }
+        });
+        put(&mut whole.positions, &piece.positions, 3, (&numbers, n));
+        let fresh = whole.arrays.iter_mut().zip(&piece.arrays);
+        for (array, given) in fresh {
+            if (&array.name, array.components) != (&given.name, given.components) {
+                return Err(wrong("pieces of other arrays"));
+            }
+            put(&mut array.values, &given.values, given.components, (&numbers, n));
+        }
+    }
+    let mut whole = whole.ok_or_else(|| wrong("no pieces"))?;
+    whole.arrays.retain(|array| array.name != "point");
+    Ok(whole)
+}
+
+fn put(all: &mut Vec<f64>, rows: &[f64], width: usize, (numbers, n): (&[usize], usize)) {
+    all.resize(all.len().max(n * width), f64::NAN);
+    for (row, number) in rows.chunks_exact(width).zip(numbers) {
+        all[number * width..(number + 1) * width].copy_from_slice(row);
+    }
+}
+
 /// The inverse of what writes frames (two-dimensional vectors stay padded).
 pub(crate) fn decode_vtu(bytes: &[u8]) -> Result<VtuFile, String> {
     const START: &[u8] = b"<AppendedData encoding=\"raw\">\n_";
@@ -91,7 +136,7 @@ pub(crate) fn decode_vtu(bytes: &[u8]) -> Result<VtuFile, String> {
     if file.positions.len() != 3 * n {
         return Err(wrong("the points are missing"));
     }
-    check_cells(&cells, n, n_cells)?;
+    check_cells(&cells, n, n_cells, file.array("point").is_some())?;
     Ok(file)
 }
 
@@ -99,8 +144,14 @@ fn wrong(reason: impl std::fmt::Display) -> String {
     format!("not a whole piola frame: {reason}")
 }
 
-/// The cells must be vertices 0, 1, .. n-1, and then quadrilaterals or hexahedra of different points.
-fn check_cells(cells: &HashMap<String, Vec<u8>>, n: usize, n_cells: usize) -> Result<(), String> {
+/// The cells must be vertices 0, 1, .. n-1, of a piece of its own points, and then quadrilaterals or hexahedra of
+/// different points.
+fn check_cells(
+    cells: &HashMap<String, Vec<u8>>,
+    n: usize,
+    n_cells: usize,
+    is_piece: bool,
+) -> Result<(), String> {
     let array = |name: &str| {
         cells.get(name).ok_or_else(|| wrong(format!("the array `{name}` of cells is missing")))
     };
@@ -111,13 +162,17 @@ fn check_cells(cells: &HashMap<String, Vec<u8>>, n: usize, n_cells: usize) -> Re
         Ok(words.into_iter().map(|word| i64::from_le_bytes(word) as usize).collect())
     };
     let (points, ends, kinds) = (integers("connectivity")?, integers("offsets")?, array("types")?);
-    if cells.len() != 3 || ends.len() != n_cells || kinds.len() != n_cells || n_cells < n {
+    let n_vertices = match is_piece {
+        true => kinds.iter().take_while(|kind| **kind == VERTEX).count(),
+        false => n,
+    };
+    if cells.len() != 3 || ends.len() != n_cells || kinds.len() != n_cells || n_cells < n_vertices {
         return Err(wrong("there must be a cell for each point at least"));
     }
     let mut start = 0;
     for (cell, (end, kind)) in ends.iter().zip(kinds).enumerate() {
         let own = points.get(start..*end).ok_or_else(|| wrong("a cell has no points"))?;
-        let is_right = match (cell < n, kind) {
+        let is_right = match (cell < n_vertices, kind) {
             (true, &VERTEX) => own == [cell],
             (false, 9) => own.len() == 4,
             (false, 12) => own.len() == 8,

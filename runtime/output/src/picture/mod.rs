@@ -30,6 +30,8 @@ pub use front::{Dot, DotKind, FrontPicture};
 pub use logarithmic::{LogarithmicPanel, LogarithmicPlot};
 pub use sweep::{SweepChart, SweepLine, SweepPicture};
 
+use piola_grammar::counted;
+
 use super::{Frame, History, OutputError, OutputFile, OutputFolder, Points};
 use canvas::{Anchor, Canvas, DARK, GREY, Text};
 use chart::Area;
@@ -53,8 +55,10 @@ const LOWER: Area = Area { left: 1020.0, top: 454.0, right: 1460.0, bottom: 715.
 pub struct Picture<'a> {
     /// In the headline, for instance the scene's name.
     pub title: &'a str,
-    /// The body.
+    /// The body, or some of its points.
     pub points: &'a Points,
+    /// How many points the body has.
+    pub n_points: usize,
     /// Its state, usually at the last converged step.
     pub frame: &'a Frame,
     /// Sets to mark on the body.
@@ -139,7 +143,11 @@ impl Picture<'_> {
         let view = body::BodyView::new(self.points, self.frame, self.sets, self.colour, None);
         view.draw(&mut canvas, BODY);
         view.draw_colour_bar(&mut canvas, BAR);
-        canvas.text(BODY.left, 778.0, &view.note(), Text::new(13, Anchor::Start, GREY));
+        let mut note = view.note();
+        if self.n_points > self.points.n_points() {
+            note = format!("of {}: {note}", counted(self.n_points, "point"));
+        }
+        canvas.text(BODY.left, 778.0, &note, Text::new(13, Anchor::Start, GREY));
         match self.charts {
             Charts::Steps(history, tolerance, entry) => {
                 charts::reactions(&mut canvas, UPPER, history);

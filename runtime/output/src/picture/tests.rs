@@ -134,7 +134,15 @@ fn a_field_without_a_finite_number_is_drawn_as_none() {
     let colour = Colour { name: "state".to_owned(), unit: "", values: vec![f64::NAN; 9] };
     let charts = Charts::Times { energies: &[], probes: &[] };
     let colour = Some(&colour);
-    let picture = Picture { title: "", points: &points, frame: &frame, sets: &[], colour, charts };
+    let picture = Picture {
+        title: "",
+        points: &points,
+        n_points: points.n_points(),
+        frame: &frame,
+        sets: &[],
+        colour,
+        charts,
+    };
     let svg = picture.to_svg();
     assert!(svg.contains("not finite and left out: 9"), "{svg}");
 }
@@ -286,6 +294,7 @@ fn a_stretched_square_is_drawn() {
     let picture = Picture {
         title: "square at 100 %",
         points: &points,
+        n_points: points.n_points(),
         frame: &frame,
         sets: &sets,
         colour: None,
@@ -310,6 +319,7 @@ fn a_stretched_bar_is_drawn_in_space() {
     let picture = Picture {
         title: "bar",
         points: &points,
+        n_points: points.n_points(),
         frame: &frame,
         sets: &sets,
         colour: None,
@@ -332,6 +342,7 @@ fn a_body_in_motion_is_drawn_with_a_field_and_its_energies() {
     let picture = Picture {
         title: "wave",
         points: &points,
+        n_points: points.n_points(),
         frame: &frame,
         sets: &sets,
         colour: Some(&colour),
@@ -362,6 +373,7 @@ fn small_displacements_are_magnified_and_clouds_are_discs() {
         let picture = Picture {
             title: "cloud",
             points: &points,
+            n_points: points.n_points(),
             frame: &frame,
             sets: &sets,
             colour: None,
@@ -388,6 +400,7 @@ fn the_deformed_body_is_drawn_as_long_as_it_is() {
             let picture = Picture {
                 title: "",
                 points: &points,
+                n_points: points.n_points(),
                 frame: &frame,
                 sets: &sets,
                 colour: None,
@@ -417,6 +430,7 @@ fn large_bodies_are_thinned_and_say_so() {
         let picture = Picture {
             title: "",
             points: &points,
+            n_points: points.n_points(),
             frame: &frame,
             sets: &sets,
             colour: None,
@@ -435,7 +449,8 @@ fn strange_runs_are_drawn_too() {
     let draw = |points: &Points, frame: &Frame, sets: &[NamedPoints], history: &History| {
         let title = "<a & \"b\"> $x$ \u{7}";
         let charts = Charts::Steps(history, f64::NAN, "Newton iteration");
-        let picture = Picture { title, points, frame, sets, colour: None, charts };
+        let n_points = points.n_points();
+        let picture = Picture { title, points, n_points, frame, sets, colour: None, charts };
         let svg = picture.to_svg();
         check_xml(&svg);
         assert!(svg.contains("&lt;a &amp; &quot;b&quot;&gt; $x$ "));
@@ -485,6 +500,7 @@ fn both_files_are_written() {
     let picture = Picture {
         title: "both",
         points: &points,
+        n_points: points.n_points(),
         frame: &frame,
         sets: &sets,
         colour: None,

@@ -254,6 +254,7 @@ impl<'a> Recorder<'a> {
         let picture = Picture {
             title,
             points: self.points,
+            n_points: self.points.n_points(),
             frame: &last,
             sets: &sets,
             colour: colour.as_ref(),

@@ -9,6 +9,7 @@
 //! | `steps` | load steps |
 //! | `moves` | bodies in motion |
 //! | `record` | sums over all ranks, and what rank 0 writes of them |
+//! | `view` | frames in pieces, and what rank 0 sees of a body for its picture |
 //!
 //! Energies, kernels and neighbourhoods are those of a run by one process, of the part of the body that a rank holds:
 //! forces on its own points are whole there, and rows of the tangent, too. What a rank holds beyond is the halo, of
@@ -22,6 +23,7 @@ mod rows;
 mod share;
 mod slab;
 mod steps;
+mod view;
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -33,8 +35,8 @@ use piola_mechanics::energy::{Energy as _, Total};
 use piola_mechanics::interaction::Inverted;
 use piola_mechanics::neighborhood::Neighborhood;
 use piola_mechanics::weights::Weights;
+use piola_output::OutputFolder;
 use piola_output::summary::{ExitReason, FNV1A64_OF_NOTHING, PhaseClock, SolverSummary, fnv1a64};
-use piola_output::{OutputFolder, Points};
 pub use piola_petsc::Engine;
 use piola_solvers::Watch;
 use piola_solvers::motion::Method;
@@ -47,10 +49,11 @@ use crate::case::{Case, CaseError, FieldsInTime, Potential};
 use crate::scene::boundary::BoundaryConditions;
 use crate::scene::selection::{PointSet, Selection};
 use crate::scene::{Scene, SolverSettings};
-use record::{Recorder, Shown, Sums, gathered};
+use record::{Recorder, Sums};
 use share::{Share, reach};
 use slab::Slab;
 use steps::{Found, LoadSteps, Solves, agreed, lost};
+use view::View;
 
 /// Runs a case over all ranks of an engine: its load steps or its motion. All of them call it with the same case;
 /// rank 0 has the folder, and alone writes. Collective.
@@ -73,8 +76,8 @@ pub fn run(
     enter(&mut clock, watch, "interactions");
     let selection = agreed(engine, case.selection())?;
     // Of the whole body, so that what is wrong is told as in any run.
-    let held = BoundaryConditions::new(&case.scene, &case.body, &selection);
-    let held = agreed(engine, held.map_err(CaseError::from))?;
+    let conditions = BoundaryConditions::new(&case.scene, &case.body, &selection);
+    agreed(engine, conditions.map(|_| ()).map_err(CaseError::from))?;
     let share = Share::of(&case.body, reach(case), (engine.rank(), engine.ranks()));
     let part = part_of(case, engine, &share)?;
     let of_held = selection_of(&selection, &share, share.held.clone());
@@ -89,7 +92,6 @@ pub fn run(
         part: &part,
         selection: &selection,
         held: &of_held,
-        boundary: &held,
         energy: &energy,
         fields: &fields,
     };
@@ -116,8 +118,6 @@ struct Begun<'a> {
     /// What sets and probes are in the whole body, and what of sets the rank holds.
     selection: &'a Selection,
     held: &'a Selection,
-    /// Conditions of the whole body.
-    boundary: &'a BoundaryConditions<'a>,
 }
 
 /// Solves the load steps. Collective.
@@ -129,14 +129,13 @@ fn load_steps(begun: &Begun<'_>, mut clock: PhaseClock) -> Result<Ending, RunErr
     let mut slab =
         Slab::new((engine, share), energy, boundary.fixed_dofs(), tolerance).map_err(lost)?;
     let newton = slab.solver(share).map_err(lost)?;
-    let points = folder.map(|_| {
-        let points = Points::of(&case.body).with_mesh(case.mesh.clone());
-        points.with_held(&case.body, begun.boundary.fixed_dofs())
-    });
+    let fixed = boundary.fixed_dofs();
+    let view = View::new((engine, share), (case, part), (begun.held, fixed), folder)?;
     let resolved = case.scene.resolved_toml();
-    let made = match (folder, &points) {
-        (Some(folder), Some(points)) => {
-            let recorder = Recorder::new((case, selection), energy.parts(), folder, points);
+    let made = match (folder, &view.sketch) {
+        (Some(folder), Some(sketch)) => {
+            let seen = (&view, sketch);
+            let recorder = Recorder::new((case, selection), energy.parts(), folder, seen);
             recorder.and_then(|one| one.keep_scene(&resolved).map(|()| Some(one)))
         }
         _ => Ok(None),
@@ -158,37 +157,29 @@ fn load_steps(begun: &Begun<'_>, mut clock: PhaseClock) -> Result<Ending, RunErr
         solves: Solves::default(),
     };
     let here = PointFields { case: part, energy, selection: begun.held, masses: None };
-    let shown =
-        |slab: &Slab<'_>| Shown::of(engine, (here, &case.body), share, slab.frame(&part.body));
+    let shown = |slab: &Slab<'_>, t: f64, number: Option<usize>| {
+        let mut now = slab.frame(part, t);
+        here.fill(&mut now);
+        let colour = here.colour(&now);
+        view.show(number, (&now, colour))
+    };
     let sums = |slab: &Slab<'_>| Sums::of(engine, energy, (slab, share), (case, selection));
-    let residual = |slab: &Slab<'_>| -> Vec<f64> {
-        slab.own_forces().iter().zip(slab.loads()).map(|(g, f)| g - f).collect()
-    };
     let is_known = steps.rest()?;
-    let (at_rest, fields) = (is_known.then(|| sums(steps.slab)), shown(steps.slab));
-    let still = if is_known { residual(steps.slab) } else { vec![0.0; n] };
-    let at_start = match (&mut recorder, gathered(engine, &still)) {
-        (Some(recorder), Some(still)) => recorder.begin(at_rest, (&still, fields)),
-        _ => Ok(()),
-    };
-    agreed(engine, at_start.map_err(RunError::from))?;
-    // Ends of increments so far, and whether the last equilibrium was a frame.
-    let (mut nominal, mut framed) = (0, false);
+    let at_rest = is_known.then(|| sums(steps.slab));
+    let rest = shown(steps.slab, 0.0, Some(0))?;
+    let begun_with = recorder.as_mut().map_or(Ok(()), |recorder| recorder.begin(at_rest, rest));
+    agreed(engine, begun_with.map_err(RunError::from))?;
+    // Ends of increments so far, frames, and whether the last equilibrium is one.
+    let (mut nominal, mut frames, mut framed) = (0, 1, false);
     let mut see = |steps: &mut LoadSteps<'_, '_>, found: Found| {
         nominal += usize::from(found.nominal);
         framed = found.nominal && is_due(&case.scene, nominal);
         let sums = sums(steps.slab);
-        let fields = if framed { shown(steps.slab) } else { Shown::default() };
-        let residual = residual(steps.slab);
-        let (u, residual) = (gathered(engine, &steps.u), gathered(engine, &residual));
-        let written = match (&mut recorder, u, residual) {
-            (Some(recorder), Some(u), Some(residual)) => {
-                let (residuals, names) = (&steps.slab.residuals, energy.parts());
-                let state = (&u[..], &residual[..], fields);
-                recorder.record((&found, framed), sums, residuals, names, state)
-            }
-            _ => Ok(()),
-        };
+        let now = if framed { shown(steps.slab, found.t, Some(frames))? } else { None };
+        frames += usize::from(framed);
+        let written = recorder.as_mut().map_or(Ok(()), |recorder| {
+            recorder.record(&found, sums, &steps.slab.residuals, energy.parts(), now)
+        });
         agreed(engine, written.map_err(RunError::from))
     };
     let (end, increments) = (case.scene.steps.end, case.scene.steps.increments);
@@ -202,13 +193,15 @@ fn load_steps(begun: &Begun<'_>, mut clock: PhaseClock) -> Result<Ending, RunErr
     }
     if !framed && steps.t > 0.0 {
         steps.return_to_last()?;
-        let fields = shown(steps.slab);
-        if let Some(recorder) = &mut recorder {
-            recorder.show(fields);
-        }
+        let number = (case.scene.output.frames > 0).then_some(frames);
+        let last = shown(steps.slab, steps.t, number)?;
+        let written = recorder.as_mut().map_or(Ok(()), |recorder| recorder.show(last));
+        agreed(engine, written.map_err(RunError::from))?;
     }
     enter(&mut clock, watch, "output");
     let (t, solves) = (steps.t, steps.solves);
+    let written = view.write_displacement(folder, &steps.u);
+    agreed(engine, written.map_err(RunError::from))?;
     let bonds = bonds(engine, energy, share);
     let unused = engine.unused_options().map_err(lost)?;
     let done = recorder.as_ref().map_or(0, Recorder::steps);

@@ -6,17 +6,17 @@ use piola_mechanics::interaction::Inverted;
 use piola_mechanics::kernel::Measure;
 use piola_output::fracture::{FractureColumns, FractureRow};
 use piola_output::motion::{MotionColumns, MotionTables};
-use piola_output::picture::{Charts, Colour, Picture};
+use piola_output::picture::{Charts, Picture};
 use piola_output::pvd::FrameSeries;
 use piola_output::summary::{ExitReason, InteractionCounts, PhaseClock, Summary};
-use piola_output::{Frame, OutputError, OutputFile, OutputFolder, Points, table};
+use piola_output::{OutputError, OutputFile, OutputFolder};
 use piola_petsc::Engine;
 use piola_solvers::march::{Advance, March as _, State};
 use piola_solvers::motion::{self, MotionDrive as _, MotionError, Row};
 
 use super::exchange::Exchange;
-use super::record::{Shown, gathered};
 use super::steps::{agreed, lost};
+use super::view::{Look, Shown, Sketch, View};
 use super::{Begun, selection_of};
 use crate::case::CaseError;
 use crate::scene::Motion;
@@ -27,7 +27,7 @@ use crate::simulation::motion::course::Unclosed;
 use crate::simulation::motion::driven::Driven;
 use crate::simulation::motion::told::{self, Seen};
 use crate::simulation::motion::{refused, settings, stopped};
-use crate::simulation::point_fields::{PointFields, named_sets};
+use crate::simulation::point_fields::PointFields;
 use crate::simulation::run::{Ending, RunError, enter, frame, summary};
 
 /// Why a motion ended that did not come to its end, in the order of what ranks tell each other.
@@ -48,7 +48,9 @@ pub(super) fn run(
     // That all materials have a density was asked when the scene was read.
     let masses = part.masses().unwrap_or_default();
     let conditions = MotionConditions::new(&boundary, &masses).map_err(CaseError::from);
-    let drive = Driven::new(agreed(engine, conditions)?, begun.fields);
+    let conditions = agreed(engine, conditions)?;
+    let fixed = conditions.fixed();
+    let drive = Driven::new(conditions, begun.fields);
     let start = agreed(engine, initial(&boundary).map_err(CaseError::from))?;
     let exchange = Exchange::new(engine, share, case.body.dimension()).map_err(lost)?;
     let settings = settings(part, scene);
@@ -65,7 +67,8 @@ pub(super) fn run(
         }
     };
     let fields = PointFields { case: part, energy, selection: begun.held, masses: Some(&masses) };
-    let sight = Sight { begun, fields, own: &own, broken };
+    let view = View::new((engine, share), (case, part), (begun.held, &fixed), begun.folder)?;
+    let sight = Sight { begun, fields, own: &own, broken, view: &view };
     moved(&sight, scene, &mut motion, (&drive, &exchange), clock)
 }
 
@@ -77,30 +80,33 @@ fn moved(
     (drive, exchange): (&Driven<'_>, &Exchange<'_>),
     mut clock: PhaseClock,
 ) -> Result<Ending, RunError> {
-    let Begun { engine, case, folder, energy, .. } = *sight.begun;
+    let Begun { engine, case, folder, energy, share, .. } = *sight.begun;
+    let masses = sight.fields.masses.unwrap_or_default();
     enter(&mut clock, sight.begun.watch, "move");
     let resolved = case.scene.resolved_toml();
-    // What is of the whole body rank 0 alone has.
-    let masses = folder.and_then(|_| case.masses()).unwrap_or_default();
-    let of_whole = || MotionConditions::new(sight.begun.boundary, &masses).map(|one| one.fixed());
-    let fixed = folder.map(|_| of_whole().map_err(CaseError::from)).transpose();
-    let points = agreed(engine, fixed)?.map(|fixed| {
-        let points = Points::of(&case.body).with_mesh(case.mesh.clone());
-        points.with_held(&case.body, &fixed)
-    });
-    let begun = match (folder, &points) {
-        (Some(folder), Some(points)) => {
+    let begun = match (folder, &sight.view.sketch) {
+        (Some(folder), Some(sketch)) => {
             let kept = folder.write(OutputFile::ResolvedScene, resolved.as_bytes());
-            kept.and_then(|()| Recorder::new(sight, folder, points).map(Some))
+            kept.and_then(|()| Recorder::new(sight, folder, sketch).map(Some))
         }
         _ => Ok(None),
     };
     let mut recorder = agreed(engine, begun.map_err(RunError::from))?;
     let gone = go(sight, motion, &mut recorder, (drive, exchange))?;
     enter(&mut clock, sight.begun.watch, "output");
-    let Gone { reason, message, last } = gone;
-    // The frame of the last row, which may not have been due.
-    let look = last.as_ref().filter(|last| !last.is_shown).and_then(|last| sight.look(&last.seen));
+    let Gone { reason, message, last, frames } = gone;
+    if let Some(last) = &last {
+        // The frame of the last row, which may not have been due.
+        let shown = if last.is_shown { None } else { sight.show(&last.seen, frames)? };
+        let written = recorder.as_mut().map_or(Ok(()), |recorder| recorder.show(shown));
+        agreed(engine, written.map_err(RunError::from))?;
+        let (d, own) = (case.body.dimension(), share.own_of_held());
+        let u = &last.seen.displacements[own.start * d..own.end * d];
+        let written = sight.view.write_displacement(folder, u);
+        agreed(engine, written.map_err(RunError::from))?;
+    }
+    let mut mass = [masses[share.own_of_held()].iter().fold(0.0, |sum, one| sum + one)];
+    engine.sum(&mut mass);
     let steps = last.as_ref().map_or(0, |last| last.row.step);
     let mut warnings = notes(engine, motion.notes());
     warnings.extend(told::unstable(scene, motion));
@@ -120,15 +126,14 @@ fn moved(
         inverted: Inverted::default(),
         warnings,
     };
-    let bonds = super::bonds(engine, energy, sight.begun.share);
+    let bonds = super::bonds(engine, energy, share);
     let written = match (recorder, folder) {
         (Some(recorder), Some(folder)) => {
             let options = sight.begun.options.clone();
             let title = options.title;
-            let mass = masses.iter().fold(0.0, |sum, one| sum + one);
             let told = last.as_ref().map(|last| {
                 let told = (&last.row, recorder.worst.share(), None);
-                told::summary((scene, motion), told, energy, mass)
+                told::summary((scene, motion), told, energy, mass[0])
             });
             let summary = summary(case, energy, (&ending, options), &resolved, &mut clock);
             let summary = Summary {
@@ -138,7 +143,7 @@ fn moved(
                 dropped: InteractionCounts::default(),
                 ..summary
             };
-            summary.write(folder).and_then(|()| recorder.finish(title, look))
+            summary.write(folder).and_then(|()| recorder.finish(title))
         }
         _ => Ok(()),
     };
@@ -151,6 +156,8 @@ struct Gone {
     reason: ExitReason,
     message: String,
     last: Option<Last>,
+    /// How many frames there are.
+    frames: usize,
 }
 
 /// The last row, and what the rank saw there.
@@ -175,12 +182,12 @@ fn go(
         match next {
             Ok(Advance::Step(row)) => {
                 let is_due = told::is_due(case, n_frames, row.t);
-                n_frames += usize::from(is_due);
                 let moment = Moment::of(row.t, &motion.state());
                 let seen = sight.seen(&moment);
-                let look = is_due.then(|| sight.look(&moment)).flatten();
+                let shown = if is_due { sight.show(&moment, n_frames)? } else { None };
+                n_frames += usize::from(is_due);
                 let written = match recorder {
-                    Some(recorder) => recorder.record(&row, seen, look),
+                    Some(recorder) => recorder.record(&row, seen, shown),
                     None => Ok(()),
                 };
                 agreed(engine, written.map_err(RunError::from))?;
@@ -203,7 +210,7 @@ fn go(
         }
         next = motion.advance();
     };
-    Ok(Gone { reason, message, last })
+    Ok(Gone { reason, message, last, frames: n_frames })
 }
 
 /// Bonds, triangles and tetrahedra that are broken in all of the body. Collective.
@@ -261,6 +268,7 @@ struct Sight<'a> {
     own: &'a Selection,
     /// Bonds, triangles and tetrahedra of the body that were broken before anything moved.
     broken: [usize; 3],
+    view: &'a View<'a>,
 }
 
 impl Sight<'_> {
@@ -291,23 +299,14 @@ impl Sight<'_> {
         Seen { reactions: reactions.to_vec(), probes: probes.to_vec(), fracture: None }
     }
 
-    /// A frame of the whole body, on rank 0. Collective.
-    fn look(&self, now: &Moment) -> Option<Look> {
-        let Begun { engine, share, case, .. } = *self.begun;
-        let (body, d) = (&case.body, case.body.dimension());
-        let own = share.own_of_held();
-        let vectors = [&now.displacements, &now.residual, &now.velocities];
-        let whole = vectors.map(|values| gathered(engine, &values[own.start * d..own.end * d]));
-        let held = &self.fields.case.body;
-        let mut part = Frame::of(held, now.t, &now.displacements, &now.residual);
-        part.velocity = held.to_user_order(&now.velocities, d);
-        let shown = Shown::of(engine, (self.fields, body), share, part);
-        let [Some(u), Some(residual), Some(v)] = whole else { return None };
-        let mut whole = frame(case, now.t, &u, &residual);
-        whole.velocity = body.to_user_order(&v, d);
-        let (fields, colour) = shown.into_parts();
-        whole.fields.extend(fields);
-        Some(Look { frame: whole, colour })
+    /// Writes the frame with this number; what rank 0 has of it. Collective.
+    fn show(&self, now: &Moment, number: usize) -> Result<Option<Shown>, RunError> {
+        let part = self.begun.part;
+        let mut frame = frame(part, now.t, &now.displacements, &now.residual);
+        frame.velocity = part.body.to_user_order(&now.velocities, part.body.dimension());
+        self.fields.fill(&mut frame);
+        let colour = self.fields.colour(&frame);
+        self.view.show(Some(number), (&frame, colour))
     }
 }
 
@@ -334,17 +333,11 @@ impl Moment {
     }
 }
 
-/// What a frame shows, and the colours of its picture.
-struct Look {
-    frame: Frame,
-    colour: Option<Colour>,
-}
-
 /// Writes what the rows bring: on rank 0.
 struct Recorder<'a> {
     sight: &'a Sight<'a>,
     folder: &'a OutputFolder,
-    points: &'a Points,
+    sketch: &'a Sketch,
     frames: FrameSeries<'a>,
     tables: MotionTables,
     /// Bonds, triangles and tetrahedra that were broken at the last row.
@@ -357,24 +350,31 @@ impl<'a> Recorder<'a> {
     fn new(
         sight: &'a Sight<'a>,
         folder: &'a OutputFolder,
-        points: &'a Points,
+        sketch: &'a Sketch,
     ) -> Result<Recorder<'a>, OutputError> {
         let tables = MotionTables::new(folder, &sight.columns())?;
-        let frames = FrameSeries::new(folder, points)?;
+        let frames = sight.view.series(folder, sketch)?;
         let worst = Unclosed::default();
         let broken = sight.broken;
-        Ok(Recorder { sight, folder, points, frames, tables, broken, worst, last: None })
+        Ok(Recorder { sight, folder, sketch, frames, tables, broken, worst, last: None })
     }
 
-    fn record(&mut self, row: &Row, mut seen: Seen, look: Option<Look>) -> Result<(), OutputError> {
+    fn record(
+        &mut self,
+        row: &Row,
+        mut seen: Seen,
+        shown: Option<Shown>,
+    ) -> Result<(), OutputError> {
         self.worst.note(row);
         seen.fracture = row.broken.map(|bonds| self.fracture_row(row, bonds));
         self.tables.push(&told::row(row, self.sight.begun.energy, seen))?;
-        if let Some(look) = look {
-            self.frames.push(&look.frame)?;
-            self.last = Some(look);
-        }
-        Ok(())
+        self.show(shown)
+    }
+
+    fn show(&mut self, shown: Option<Shown>) -> Result<(), OutputError> {
+        let Some(Shown { look, listed }) = shown else { return Ok(()) };
+        self.last = Some(look);
+        listed.map_or(Ok(()), |frame| self.frames.push(&frame))
     }
 
     /// What is broken, and how much of it since the row before.
@@ -393,22 +393,17 @@ impl<'a> Recorder<'a> {
         }
     }
 
-    /// The frame of the last row, unless it was due, displacements and picture.
-    fn finish(mut self, title: &str, look: Option<Look>) -> Result<(), OutputError> {
-        let Begun { case, selection, energy, .. } = *self.sight.begun;
-        if let Some(look) = look {
-            self.frames.push(&look.frame)?;
-            self.last = Some(look);
-        }
-        let Some(Look { frame, colour }) = self.last else { return Ok(()) };
-        table::write_displacement(self.folder, self.points, &frame.displacement)?;
+    /// The picture of the last row.
+    fn finish(self, title: &str) -> Result<(), OutputError> {
+        let Begun { case, energy, .. } = *self.sight.begun;
+        let Some(Look { frame, colour }) = &self.last else { return Ok(()) };
         let [energies, probes] = MotionTables::series(self.folder, &self.sight.columns())?;
-        let sets = named_sets(case, selection);
         let picture = Picture {
             title: &case.headline(title, energy.parts()),
-            points: self.points,
-            frame: &frame,
-            sets: &sets,
+            points: &self.sketch.points,
+            n_points: self.sight.view.n_points(),
+            frame,
+            sets: &self.sketch.sets,
             colour: colour.as_ref(),
             charts: Charts::Times { energies: &energies, probes: &probes },
         };

@@ -1,24 +1,22 @@
 //! What load steps over ranks leave: sums over all ranks, which rank 0 writes.
 
-use piola_mechanics::body::Body;
 use piola_mechanics::energy::{Energy as _, EnergyParts, Total};
 use piola_mechanics::interaction::Inverted;
-use piola_output::picture::{Charts, Colour, Picture};
+use piola_output::picture::{Charts, Picture};
 use piola_output::pvd::FrameSeries;
 use piola_output::summary::{InteractionCounts, PhaseClock, SolverSummary, step_summaries};
 use piola_output::{
-    Definiteness, Frame, History, OutputError, OutputFile, OutputFolder, PointField, Points,
-    SetsAtRest, table,
+    Definiteness, History, OutputError, OutputFile, OutputFolder, SetsAtRest, table,
 };
 use piola_petsc::Engine;
 
 use super::share::Share;
 use super::slab::Slab;
 use super::steps::Found;
+use super::view::{Look, Shown, Sketch, View};
 use crate::case::Case;
 use crate::scene::selection::{PointSet, Selection};
-use crate::simulation::point_fields::{PointFields, named_sets};
-use crate::simulation::run::{Ending, RunOptions, frame, history, summary};
+use crate::simulation::run::{Ending, RunOptions, history, summary};
 
 /// What every rank sums up of an equilibrium: for all of the body, on all ranks the same.
 pub(super) struct Sums {
@@ -80,69 +78,16 @@ impl Sums {
     }
 }
 
-/// Own numbers of all ranks, one behind the other, on rank 0: a vector in the body's order. Collective.
-pub(super) fn gathered(engine: &Engine, own: &[f64]) -> Option<Vec<f64>> {
-    let bytes: Vec<u8> = own.iter().flat_map(|x| x.to_le_bytes()).collect();
-    let all = engine.gather(&bytes)?;
-    let numbers = |bytes: &Vec<u8>| -> Vec<f64> {
-        let eights = bytes.chunks_exact(8);
-        eights.filter_map(|eight| Some(f64::from_le_bytes(eight.try_into().ok()?))).collect()
-    };
-    Some(all.iter().flat_map(numbers).collect())
-}
-
-/// What a frame shows of points beside displacements and residuals, on rank 0 of the whole body.
-#[derive(Default)]
-pub(super) struct Shown {
-    fields: Vec<PointField>,
-    colour: Option<Colour>,
-}
-
-impl Shown {
-    /// Those that `here` works out of `now`, a frame of what a rank holds; `body` is the whole one. Collective.
-    pub(super) fn of(
-        engine: &Engine,
-        (here, body): (PointFields<'_>, &Body),
-        share: &Share,
-        mut now: Frame,
-    ) -> Shown {
-        let (held, own) = (&here.case.body, share.own_of_held());
-        here.fill(&mut now);
-        let whole = |values: &[f64], components: usize| -> Vec<f64> {
-            let all = held.from_user_order(values, components);
-            let mine = &all[own.start * components..own.end * components];
-            let all = gathered(engine, mine);
-            all.map_or_else(Vec::new, |all| body.to_user_order(&all, components))
-        };
-        let colour = here.colour(&now).map(|colour| {
-            let values = whole(&colour.values, 1);
-            Colour { values, ..colour }
-        });
-        let fields = now.fields.into_iter().map(|field| {
-            let values = whole(&field.values, field.components);
-            PointField { values, ..field }
-        });
-        Shown { fields: fields.collect(), colour }
-    }
-}
-
-impl Shown {
-    /// Fields, and what the colours show.
-    pub(super) fn into_parts(self) -> (Vec<PointField>, Option<Colour>) {
-        (self.fields, self.colour)
-    }
-}
-
 /// Writes what the steps bring: on rank 0.
 pub(super) struct Recorder<'a> {
     case: &'a Case,
-    selection: &'a Selection,
     folder: &'a OutputFolder,
-    points: &'a Points,
+    sketch: &'a Sketch,
+    /// Of the whole body.
+    n_points: usize,
     frames: FrameSeries<'a>,
     history: History,
-    framed: usize,
-    last: Option<(Frame, Option<Colour>)>,
+    last: Option<Look>,
 }
 
 impl<'a> Recorder<'a> {
@@ -151,39 +96,42 @@ impl<'a> Recorder<'a> {
         (case, selection): (&'a Case, &'a Selection),
         parts: &[String],
         folder: &'a OutputFolder,
-        points: &'a Points,
+        (view, sketch): (&'a View<'_>, &'a Sketch),
     ) -> Result<Recorder<'a>, OutputError> {
-        let frames = FrameSeries::new(folder, points)?;
+        let frames = view.series(folder, sketch)?;
         let history = history(case, selection, parts);
-        let (framed, last) = (0, None);
-        Ok(Recorder { case, selection, folder, points, frames, history, framed, last })
+        let n_points = view.n_points();
+        Ok(Recorder { case, folder, sketch, n_points, frames, history, last: None })
     }
 
-    /// The body at rest, as the first frame, with residuals in N of the whole body; without sums where its forces are
-    /// not known.
+    /// The body at rest; without sums where its forces are not known.
     pub(super) fn begin(
         &mut self,
         sums: Option<Sums>,
-        (residual, shown): (&[f64], Shown),
+        shown: Option<Shown>,
     ) -> Result<(), OutputError> {
         self.history.at_rest = sums.map(|sums| {
             let [reactions, forces, _] = sums.sets;
             SetsAtRest { reactions, forces }
         });
-        let zero = vec![0.0; self.points.positions.len()];
-        let mut now = frame(self.case, 0.0, &zero, residual);
-        now.fields.extend(shown.fields);
-        self.frames.push(&now)
+        self.show(shown)
     }
 
-    /// An equilibrium, with displacements in m and residuals in N of the whole body.
+    /// What is shown of the last equilibrium.
+    pub(super) fn show(&mut self, shown: Option<Shown>) -> Result<(), OutputError> {
+        let Some(Shown { look, listed }) = shown else { return Ok(()) };
+        self.last = Some(look);
+        listed.map_or(Ok(()), |frame| self.frames.push(&frame))
+    }
+
+    /// An equilibrium.
     pub(super) fn record(
         &mut self,
-        (found, is_due): (&Found, bool),
+        found: &Found,
         sums: Sums,
         residuals: &[[f64; 2]],
         names: &std::sync::Arc<[String]>,
-        (u, residual, shown): (&[f64], &[f64], Shown),
+        shown: Option<Shown>,
     ) -> Result<(), OutputError> {
         let Sums { parts, sets: [reactions, forces, moved], probes } = sums;
         self.history.push(piola_output::StepRecord {
@@ -204,26 +152,8 @@ impl<'a> Recorder<'a> {
             inverted: Inverted::default(),
             broken: None,
         });
-        let mut now = frame(self.case, found.t, u, residual);
-        now.fields.extend(shown.fields);
-        self.last = Some((now, shown.colour));
-        if is_due {
-            self.push_frame()?;
-        }
+        self.show(shown)?;
         table::write_history(self.folder, &self.history)
-    }
-
-    fn push_frame(&mut self) -> Result<(), OutputError> {
-        self.framed = self.history.steps.len();
-        self.last.as_ref().map_or(Ok(()), |last| self.frames.push(&last.0))
-    }
-
-    /// What is shown of the points at the last equilibrium.
-    pub(super) fn show(&mut self, shown: Shown) {
-        if let Some((now, colour)) = &mut self.last {
-            now.fields.extend(shown.fields);
-            *colour = shown.colour;
-        }
     }
 
     /// How many equilibria there are.
@@ -231,24 +161,17 @@ impl<'a> Recorder<'a> {
         self.history.steps.len()
     }
 
-    /// The last frame, displacements, summary and picture.
+    /// Summary and picture.
     pub(super) fn finish(
-        mut self,
+        self,
         energy: &Total<'_>,
         (ending, options): (&Ending, RunOptions<'_>),
         (solver, bonds): (SolverSummary, usize),
         (resolved, mut clock): (&str, PhaseClock),
     ) -> Result<(), OutputError> {
-        if self.framed < self.steps() && self.case.scene.output.frames > 0 {
-            self.push_frame()?;
-        }
         if self.history.steps.is_empty() {
             table::write_history(self.folder, &self.history)?;
         }
-        let zero = vec![0.0; self.points.positions.len()];
-        let at_rest = || (frame(self.case, 0.0, &zero, &zero), None);
-        let (last, colour) = self.last.take().unwrap_or_else(at_rest);
-        table::write_displacement(self.folder, self.points, &last.displacement)?;
         let title = options.title;
         let mut summary = summary(self.case, energy, (ending, options), resolved, &mut clock);
         // Those that rank 0 holds are not all of them.
@@ -257,13 +180,13 @@ impl<'a> Recorder<'a> {
         summary.solver = Some(solver);
         summary.steps = step_summaries(&self.history);
         summary.write(self.folder)?;
-        let sets = named_sets(self.case, self.selection);
-        let title = &self.case.headline(title, energy.parts());
+        let Some(Look { frame, colour }) = &self.last else { return Ok(()) };
         let picture = Picture {
-            title,
-            points: self.points,
-            frame: &last,
-            sets: &sets,
+            title: &self.case.headline(title, energy.parts()),
+            points: &self.sketch.points,
+            n_points: self.n_points,
+            frame,
+            sets: &self.sketch.sets,
             colour: colour.as_ref(),
             charts: Charts::Steps(
                 &self.history,

@@ -1,6 +1,5 @@
 //! What a rank evaluates: energy, forces and tangent of the points that it holds, of which those of its own count.
 
-use piola_mechanics::body::Body;
 use piola_mechanics::energy::{Energy as _, NonFinite, Total, Wanted};
 use piola_mechanics::matrix::BlockMatrix;
 use piola_output::Frame;
@@ -9,6 +8,8 @@ use piola_petsc::{Engine, EngineError, Newton, Problem, Refusal};
 use super::exchange::Exchange;
 use super::rows::OwnRows;
 use super::share::Share;
+use crate::case::Case;
+use crate::simulation::run::frame;
 
 /// The part of a body that a rank holds; vectors are `n x d`, of all points held in the body's order, or of its own.
 pub(super) struct Slab<'a> {
@@ -138,12 +139,12 @@ impl<'a> Slab<'a> {
         &self.local
     }
 
-    /// What is held of `body` at the last evaluation, with residuals of own points.
-    pub(super) fn frame(&self, body: &Body) -> Frame {
+    /// What is held of a case at the last evaluation, at `t`, with residuals of own points.
+    pub(super) fn frame(&self, case: &Case, t: f64) -> Frame {
         let mut residual = vec![0.0; self.local.len()];
         let own = self.own_forces().iter().zip(&self.loads).map(|(g, f)| g - f);
         residual[self.own()].iter_mut().zip(own).for_each(|(r, x)| *r = x);
-        Frame::of(body, 0.0, &self.local, &residual)
+        frame(case, t, &self.local, &residual)
     }
 
     /// Own displacements as they are with what is prescribed.

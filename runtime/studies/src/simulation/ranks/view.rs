@@ -1,7 +1,6 @@
 //! What ranks show of a body: frames, of which each writes its own points, and on rank 0 the picture of so many points
 //! as a picture shows.
 
-use std::cell::RefCell;
 use std::path::{Path, PathBuf};
 
 use piola_mechanics::body::Body;
@@ -62,10 +61,17 @@ impl Sketch {
     }
 }
 
-/// What a picture shows of one time: on rank 0, of the points of a sketch. Of a mesh it is the whole frame.
+/// What a picture shows of one time, of the points of a sketch. Of a mesh it is the whole frame.
 pub(super) struct Look {
     pub(super) frame: Frame,
     pub(super) colour: Option<Colour>,
+}
+
+/// What rank 0 has of one time.
+pub(super) struct Shown {
+    pub(super) look: Look,
+    /// The frame to list, where one was written or is to be.
+    pub(super) listed: Option<Frame>,
 }
 
 impl<'a> View<'a> {
@@ -114,42 +120,53 @@ impl<'a> View<'a> {
         }
     }
 
-    /// Writes the frame with this number, which `frame` is of all points that are held: what rank 0 is to list, and
-    /// nothing elsewhere; `look` is what it sees of it. Collective.
+    /// Shows a frame of all points that are held: `number` is that of the frame where it is to be written, in pieces
+    /// by all ranks. Collective.
     ///
     /// # Errors
     /// A file that a rank cannot write; what PETSc reports.
-    pub(super) fn write(
+    pub(super) fn show(
         &self,
-        index: usize,
-        frame: &Frame,
-        look: Option<&Look>,
-    ) -> Result<Option<Frame>, RunError> {
-        let Some(pieces) = &self.pieces else { return Ok(look.map(|look| look.frame.clone())) };
-        let own = pieces.frame(self.body, frame).map_err(lost)?;
-        let place = (index, self.engine.rank());
-        let written = pieces.piece.write(&pieces.folder, place, &own);
-        agreed(self.engine, written.map_err(RunError::from))?;
-        Ok(look.map(|_| own))
+        number: Option<usize>,
+        (frame, colour): (&Frame, Option<Colour>),
+    ) -> Result<Option<Shown>, RunError> {
+        let look = self.look(frame, colour);
+        let own = match (number, &self.pieces) {
+            (Some(number), Some(pieces)) => {
+                let own = pieces.frame(self.body, frame).map_err(lost)?;
+                let place = (number, self.engine.rank());
+                let written = pieces.piece.write(&pieces.folder, place, &own);
+                agreed(self.engine, written.map_err(RunError::from))?;
+                Some(own)
+            }
+            (Some(_), None) => look.as_ref().map(|look| look.frame.clone()),
+            (None, _) => None,
+        };
+        Ok(look.map(|look| Shown { look, listed: own }))
     }
 
     /// What rank 0 sees of a frame of what is held. Collective.
-    pub(super) fn look(&self, frame: Frame, colour: Option<Colour>) -> Option<Look> {
+    fn look(&self, frame: &Frame, colour: Option<Colour>) -> Option<Look> {
         let d = self.body.dimension();
         let displacement = self.seen(&frame.displacement, d);
-        let values = colour.as_ref().map(|colour| self.seen(&colour.values, 1));
-        let mut seen = Frame { fields: Vec::new(), velocity: Vec::new(), residual: Vec::new(), ..frame };
+        let colour = colour.map(|colour| Colour { values: self.seen(&colour.values, 1), ..colour });
+        let mut seen = Frame {
+            t: frame.t,
+            displacement,
+            residual: Vec::new(),
+            velocity: Vec::new(),
+            fields: Vec::new(),
+        };
         if self.pieces.is_none() {
             seen.residual = self.seen(&frame.residual, d);
             seen.velocity = self.seen(&frame.velocity, d);
-            let whole = |field: PointField| {
-                let values = self.seen(&field.values, field.components);
-                PointField { values, ..field }
+            let whole = |field: &PointField| {
+                let (name, components) = (field.name.clone(), field.components);
+                let values = self.seen(&field.values, components);
+                PointField { name, components, values }
             };
-            seen.fields = frame.fields.into_iter().map(whole).collect();
+            seen.fields = frame.fields.iter().map(whole).collect();
         }
-        seen.displacement = displacement;
-        let colour = colour.zip(values).map(|(colour, values)| Colour { values, ..colour });
         self.sketch.as_ref().map(|_| Look { frame: seen, colour })
     }
 
@@ -185,7 +202,8 @@ impl<'a> View<'a> {
                 return None;
             }
             let end = self.n_points.min(begin + ROWS_AT_ONCE);
-            let (now, behind) = rest.split_at(rest.partition_point(|one| number(*one as usize) < end));
+            let (now, behind) =
+                rest.split_at(rest.partition_point(|one| number(*one as usize) < end));
             rest = behind;
             let row = |point: &u32| {
                 let point = *point as usize;
@@ -305,12 +323,11 @@ fn sketch(
 
 /// Frames of own points, and of those behind them that are corners of their cells.
 struct Pieces<'e> {
-    engine: &'e Engine,
     share: &'e Share,
     piece: Piece,
-    borrowed: Vec<u64>,
-    /// Exchanges of so many numbers a point, as they were needed.
-    halos: RefCell<Vec<(usize, Halo<'e>)>>,
+    n_borrowed: usize,
+    /// Exchanges of a number, a vector and a tensor of each point.
+    halos: [Halo<'e>; 3],
     /// Of the run, as rank 0 names it.
     folder: PathBuf,
 }
@@ -328,7 +345,8 @@ impl<'e> Pieces<'e> {
         let near = |point: &usize| along(*point) - along(own.end - 1) <= reach;
         let behind = (own.end..body.n_points()).take_while(near).count();
         let last = own.end + if body.spacing().is_some() { behind } else { 0 };
-        let borrowed = (own.end..last).map(|point| (share.held.start + point) as u64).collect();
+        let borrowed: Vec<u64> =
+            (own.end..last).map(|point| (share.held.start + point) as u64).collect();
         let mut path = folder.map_or_else(Vec::new, |folder| {
             let path = std::path::absolute(folder.path());
             let path = path.as_deref().unwrap_or(folder.path());
@@ -350,29 +368,25 @@ impl<'e> Pieces<'e> {
             numbers: points.clone().map(number).collect(),
             n_own: own.len(),
         };
-        let halos = RefCell::default();
-        let mut pieces = Pieces { engine, share, piece, borrowed, halos, folder };
+        let halo = |width| Halo::new(engine, &share.ranges, &borrowed, width);
+        let halos = [halo(1)?, halo(d)?, halo(9)?];
+        let mut pieces = Pieces { share, piece, n_borrowed: borrowed.len(), halos, folder };
         let held = pieces.brought(held, 1)?;
         pieces.piece.points.held = held.iter().map(|held| *held > 0.0).collect();
         Ok(pieces)
     }
 
-    /// Rows of the piece's points, of rows of all that are held. Collective.
+    /// Rows of 1, `d` or 9 numbers of the piece's points, of rows of all that are held. Collective.
     fn brought(&self, rows: &[f64], width: usize) -> Result<Vec<f64>, EngineError> {
         let own = self.share.own_of_held();
         let mut room = rows[own.start * width..own.end * width].to_vec();
-        room.resize(room.len() + self.borrowed.len() * width, 0.0);
-        let mut halos = self.halos.borrow_mut();
-        let known = halos.iter().position(|(of, _)| *of == width);
-        let known = match known {
-            Some(known) => known,
-            None => {
-                let halo = Halo::new(self.engine, &self.share.ranges, &self.borrowed, width)?;
-                halos.push((width, halo));
-                halos.len() - 1
-            }
+        room.resize(room.len() + self.n_borrowed * width, 0.0);
+        let kind = match width {
+            1 => 0,
+            9 => 2,
+            _ => 1,
         };
-        halos[known].1.fill(&mut room)?;
+        self.halos[kind].fill(&mut room)?;
         Ok(room)
     }
 

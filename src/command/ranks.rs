@@ -3,9 +3,9 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use piola_runtime::case::{Case, CaseError};
+use piola_runtime::case::Case;
 use piola_runtime::output::OutputFolder;
-use piola_runtime::simulation::ranks::{self, Engine};
+use piola_runtime::simulation::ranks::{self, Engine, Parts};
 use piola_runtime::simulation::{Origin, RunError, RunOptions};
 use piola_runtime::solve::Watch;
 
@@ -46,20 +46,15 @@ fn solve(arguments: &Run, engine: &Engine) -> Exit {
         render::error("a run leaves files, and there is no folder for them", [help.as_str()]);
         return Exit::Input;
     };
-    let case = match read(&scene_file, arguments, engine) {
-        Ok(case) => case,
+    let parts = match read(&scene_file, arguments, engine) {
+        Ok(parts) => parts,
         Err(exit) => return exit,
     };
-    let warnings = match agreed(engine, scene::warnings(&case)) {
-        Ok(warnings) => warnings,
-        Err(exit) => return exit,
-    };
-    let mut warnings = scene::print_warnings(&case, warnings);
-    if let Ok(plan) = case.plan(1) {
-        for note in plan.kernels.iter().filter(|note| !note.modelled) {
-            console::note(&note.reason);
-            warnings.push(note.reason.clone());
-        }
+    let case = parts.case();
+    let mut warnings = scene::print_warnings(case, parts.warnings().to_vec());
+    for reason in case.dropped_energies().unwrap_or_default() {
+        console::note(&reason);
+        warnings.push(reason);
     }
     let folder = match folder(out, arguments.force, engine) {
         Ok(folder) => folder,
@@ -72,10 +67,10 @@ fn solve(arguments: &Run, engine: &Engine) -> Exit {
     let shown = (engine.rank() == 0).then(|| progress.show());
     let origin = Origin { scene: &place, settings: &arguments.settings };
     let options = RunOptions { title: &title, warnings, origin, resumes: false };
-    let ran = ranks::run(&case, engine, folder.as_ref(), options, &Watch::by(progress));
+    let ran = ranks::run(&parts, engine, folder.as_ref(), options, &Watch::by(progress));
     drop(shown);
     match (ran, folder) {
-        (Ok(ending), Some(folder)) => report(&case, &ending, &folder, None),
+        (Ok(ending), Some(folder)) => report(case, &ending, &folder, None),
         // What it ended with the first process knows.
         (Ok(_), None) => Exit::Done,
         (Err(RunError::Case(error)), folder) => {
@@ -92,32 +87,46 @@ fn solve(arguments: &Run, engine: &Engine) -> Exit {
     }
 }
 
-/// What all processes have; where one has not, it says why, or the first does in its place.
-fn agreed<T>(engine: &Engine, own: Result<T, CaseError>) -> Result<T, Exit> {
+/// The scene, which all processes read alike: a folder that some machine does not see, or not yet, ends them all. Of its
+/// points each has a part.
+fn read(file: &Path, arguments: &Run, engine: &Engine) -> Result<Parts, Exit> {
+    let own = scene::outline(file, &arguments.settings);
     let told = engine.agree(own.as_ref().map(|_| ()).map_err(ToString::to_string));
-    match (told, own) {
-        (Ok(()), Ok(value)) => Ok(value),
+    let outline = match (told, own) {
+        (Ok(()), Ok(outline)) => outline,
         (_, Err(error)) => {
             scene::print_error(&error);
-            Err(Exit::Input)
+            return Err(Exit::Input);
         }
         (Err(failure), Ok(_)) => {
             render::error(&format!("rank {}: {}", failure.rank, failure.message), None);
-            Err(Exit::Input)
+            return Err(Exit::Input);
         }
-    }
+    };
+    // What they do together from here on must be the same, and files of points as well.
+    same(engine, &outline)?;
+    let parts = match Parts::read(outline, engine) {
+        Ok(parts) => parts,
+        Err(RunError::Case(error)) => {
+            scene::print_error(&error);
+            return Err(Exit::Input);
+        }
+        Err(RunError::Output(message)) => {
+            render::error(&message, None);
+            return Err(Exit::Input);
+        }
+    };
+    same(engine, parts.case())?;
+    Ok(parts)
 }
 
-/// The scene, which all processes read alike: a folder that some machine does not see, or not yet, ends them all.
-fn read(file: &Path, arguments: &Run, engine: &Engine) -> Result<Case, Exit> {
-    let case = agreed(engine, scene::try_read(file, &arguments.settings))?;
-    let hashes = engine.all_gather(ranks::hash(&case));
-    if let Some(rank) = hashes.iter().position(|hash| *hash != hashes[0]) {
-        let message = format!("rank {rank} reads another scene, potential or table than rank 0");
-        render::error(&message, Some("let all machines see one folder"));
-        return Err(Exit::Input);
-    }
-    Ok(case)
+/// Refuses ranks that have read something else than the first.
+fn same(engine: &Engine, case: &Case) -> Result<(), Exit> {
+    let hashes = engine.all_gather(ranks::hash(case));
+    let Some(rank) = hashes.iter().position(|hash| *hash != hashes[0]) else { return Ok(()) };
+    let message = format!("rank {rank} reads another scene, potential or table than rank 0");
+    render::error(&message, Some("let all machines see one folder"));
+    Err(Exit::Input)
 }
 
 /// The folder of the results, which the first process makes.

@@ -28,7 +28,7 @@ pub(super) fn try_read(path: &std::path::Path, overrides: &[String]) -> Result<C
 }
 
 /// The same without its points.
-fn outline(path: &std::path::Path, overrides: &[String]) -> Result<Case, CaseError> {
+pub(super) fn outline(path: &std::path::Path, overrides: &[String]) -> Result<Case, CaseError> {
     let name = path.display().to_string();
     if name.ends_with(".piola") || (library::find(&name).is_some() && !path.exists()) {
         let message = format!(

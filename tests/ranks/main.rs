@@ -122,7 +122,16 @@ fn check_alike(name: &str, scene: &str, more: &[&str]) {
         };
         assert_eq!(dropped(&own), dropped(&other), "{name}");
         assert_eq!(own["interactions"]["bonds"], other["interactions"]["bonds"], "{name}");
+        assert_eq!(own["probes"], other["probes"], "{name}");
         assert!(many.join("picture.png").is_file() && many.join("run.pvd").is_file());
+        // Each rank has made its points by itself: where they are, and how large, to the last bit.
+        let [own, other] = [&one, &many].map(|out| read_frame(out, 0).unwrap());
+        assert_eq!(own.positions, other.positions, "{name} on {ranks} ranks");
+        let arrays =
+            ["volume", "held", "material"].map(|array| (own.array(array), other.array(array)));
+        for (own, other) in arrays {
+            assert_eq!(own, other, "{name} on {ranks} ranks");
+        }
     }
 }
 
@@ -191,6 +200,63 @@ fn what_families_gather() {
         "[material]\npotential = \"linear_peridynamic_solid\"\nparameters = { K = 1.0, G = 0.5 }\n",
     );
     check_alike("linear_peridynamic_solid", &scene.scene(), &[]);
+}
+
+/// A body of bonds of two materials that is longest along one of its axes; `body` says what is removed of it.
+fn of_two_materials(sides: &[f64], body: &str, [load, set]: [&str; 2]) -> SceneFolder {
+    let (zero, low) = if sides.len() == 3 { (", 0", "[0, 0, 0]") } else { ("", "[0, 0]") };
+    SceneFolder::new(&format!(
+        "[body]\nbox = [{low}, {sides:?}]\nspacing = 0.0625\n{body}[horizon]\nspacings = 2.1\n\
+         [[material]]\nname = \"soft\"\npotential = \"javili2020\"\n\
+         parameters = {{ C1 = 1.0, C2 = 0.0, C3 = 0.0 }}\n\
+         [[material]]\nname = \"stiff\"\nset = \"corner\"\npotential = \"javili2020\"\n\
+         parameters = {{ C1 = 3.0, C2 = 0.0, C3 = 0.0 }}\n\
+         [[prescribe]]\nset = \"below\"\nu = [0, 0{zero}]\n\
+         [[prescribe]]\nset = \"above\"\nu = [\"0.02*t\", \"0.01*t\"{zero}]\n\
+         [[probe]]\nname = \"middle\"\nat = {middle:?}\n[steps]\nincrements = 1\n{load}\
+         [sets]\n{set}below = \"Y < 0.06\"\nabove = \"Y > {above}\"\ncorner = \"X < 0.2 and Y < 0.3\"\n",
+        above = sides[1] - 0.06,
+        middle = sides.iter().map(|side| 0.6 * side).collect::<Vec<f64>>(),
+    ))
+}
+
+#[test]
+fn lattices_that_are_whole_nowhere() {
+    let hole = "remove = [\"(X - 0.3)^2 + (Y - 0.25)^2 < 0.006\", \"X > 0.3 and Y < 0.1\"]\n";
+    let cases: [(&str, &[f64], &str); 5] = [
+        ("along x", &[1.0, 0.5], hole),
+        ("along y", &[0.5, 1.0], hole),
+        ("along y, whole", &[0.5, 1.0], ""),
+        ("along z", &[0.375, 0.5, 0.75], hole),
+        ("along z, whole", &[0.25, 0.5, 0.625], ""),
+    ];
+    for (name, sides, body) in cases {
+        check_alike(name, &of_two_materials(sides, body, ["", ""]).scene(), &[]);
+    }
+}
+
+/// What is wrong with points, and what to know of them, is told once, wherever the points are.
+#[test]
+fn what_is_found_on_one_rank_is_told_once() {
+    let on_three = |body: &str, far: &str, code: i32| {
+        let load = "[[load]]\nset = \"far\"\nforce = [1e-4, 0]\n";
+        let far = if far.is_empty() { String::new() } else { format!("far = \"{far}\"\n") };
+        let load = if far.is_empty() { "" } else { load };
+        let folder = of_two_materials(&[1.0, 0.5], body, [load, &far]);
+        let (file, out) = (folder.scene(), folder.path("many"));
+        piola(&["run", &file, "-o", &folder.path("one")]).expect(code);
+        on_ranks(3, &["run", &file, "-o", &out, "--petsc"]).expect(code)
+    };
+    let once = |found: Outcome, message: &str| {
+        assert_eq!(found.stderr.matches(message).count(), 1, "{message}:\n{}", found.stderr);
+    };
+    // Points of the last rank are at the limit of a set, and held as well as loaded.
+    once(on_three("", "X > 0.90625", 0), "runs through points");
+    once(on_three("", "X > 0.9", 0), "acts on");
+    // A set without points, a body of which nothing is left, a condition that removes nothing.
+    once(on_three("", "X > 2", 2), "the set `far` has no points");
+    once(on_three("remove = [\"X > -1\"]\n", "", 2), "every point of the body is removed");
+    once(on_three("remove = [\"X > 0.9\", \"X > 3\"]\n", "", 0), "removes no point");
 }
 
 /// What frames show of points is what one process shows.

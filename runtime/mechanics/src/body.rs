@@ -36,6 +36,19 @@ struct Slab {
     most_neighbors: Option<usize>,
 }
 
+/// Where a slab is cut out of a body.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SlabCut {
+    /// Those of its points that count as its own, in its order.
+    pub own: Range<usize>,
+    /// Where the last point of the body before the slab is along the sorted axis, in m, if there is one.
+    pub before: Option<f64>,
+    /// Where the first point behind it is.
+    pub behind: Option<f64>,
+    /// How far families reach, in m: those of points as near to what is cut off may be of any kind.
+    pub horizon: f64,
+}
+
 impl Body {
     /// Takes points in the user's order: `positions` is `n x d`, `volumes` has `n` entries.
     pub fn new(dimension: usize, positions: &[f64], volumes: &[f64], spacing: Option<f64>) -> Body {
@@ -75,29 +88,50 @@ impl Body {
     pub fn part(&self, range: Range<usize>, own: Range<usize>, horizon: f64) -> Body {
         assert!(range.start <= own.start && own.end <= range.end, "own points are of the slab");
         let d = self.dimension;
-        let user_index = self.user_index[range.clone()].to_vec();
+        let along = |point: usize| self.position(point)[self.sorted_axis];
+        let cut = SlabCut {
+            own: own.start - range.start..own.end - range.start,
+            before: range.start.checked_sub(1).map(along),
+            behind: (range.end < self.n_points()).then(|| along(range.end)),
+            horizon,
+        };
+        let slab = Body {
+            positions: self.positions[range.start * d..range.end * d].to_vec(),
+            volumes: self.volumes[range.clone()].to_vec(),
+            user_index: self.user_index[range].to_vec(),
+            slab: None,
+            ..*self
+        };
+        slab.cut(cut)
+    }
+
+    /// A slab of a body that is nowhere whole: `positions` are `n x d` in m, sorted along an axis (ties in the user's
+    /// order), `user_index` are the places in the user's order of the whole body.
+    pub fn slab(
+        (dimension, sorted_axis): (usize, usize),
+        (positions, volumes): (Vec<f64>, Vec<f64>),
+        spacing: Option<f64>,
+        user_index: Vec<u32>,
+        cut: SlabCut,
+    ) -> Body {
+        assert_eq!(positions.len(), volumes.len() * dimension, "positions are n x d");
+        let slab = None;
+        Body { dimension, positions, volumes, spacing, user_index, sorted_axis, slab }.cut(cut)
+    }
+
+    fn cut(self, cut: SlabCut) -> Body {
+        let user_index = &self.user_index;
         let mut order: Vec<u32> = (0..user_index.len() as u32).collect();
         order.sort_unstable_by_key(|point| user_index[*point as usize]);
         let mut places = vec![0; user_index.len()];
         (0..).zip(&order).for_each(|(place, point)| places[*point as usize] = place);
-        let along = |point: usize| self.position(point)[self.sorted_axis];
         let is_cut = |point: usize| {
-            let before = range.start > 0 && along(point) - along(range.start - 1) <= horizon;
-            before || (range.end < self.n_points() && along(range.end) - along(point) <= horizon)
+            let x = self.position(point)[self.sorted_axis];
+            cut.before.is_some_and(|before| x - before <= cut.horizon)
+                || cut.behind.is_some_and(|behind| behind - x <= cut.horizon)
         };
-        let is_cut = range.clone().map(is_cut).collect();
-        Body {
-            positions: self.positions[range.start * d..range.end * d].to_vec(),
-            volumes: self.volumes[range.clone()].to_vec(),
-            user_index,
-            slab: Some(Slab {
-                places,
-                own: own.start - range.start..own.end - range.start,
-                is_cut,
-                most_neighbors: None,
-            }),
-            ..*self
-        }
+        let is_cut = (0..self.n_points()).map(is_cut).collect();
+        Body { slab: Some(Slab { places, own: cut.own, is_cut, most_neighbors: None }), ..self }
     }
 
     /// The same slab of a body of which no point has more neighbours than these.

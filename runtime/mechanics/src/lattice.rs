@@ -2,6 +2,8 @@
 
 mod shells;
 
+use std::ops::Range;
+
 pub use shells::{Shell, shells};
 
 use crate::kernel::Measure;
@@ -170,30 +172,41 @@ impl Lattice {
     /// All points of the box, last axis fastest.
     pub fn points(&self) -> Result<LatticePoints, LatticeError> {
         let counts = self.counts()?;
+        let all: Vec<Range<usize>> = counts.iter().map(|count| 0..*count).collect();
+        Ok(self.block(&counts, &all))
+    }
+
+    /// Those points that are in these places along each axis, last axis fastest; `counts` are those of the box.
+    pub fn block(&self, counts: &[usize], places: &[Range<usize>]) -> LatticePoints {
         let dimension = counts.len();
-        let total: usize = counts.iter().product();
+        let total: usize = places.iter().map(ExactSizeIterator::len).product();
         let cell = (0..dimension).fold(1.0, |product, _| product * self.spacing);
-        let lower: Vec<f64> = (0..dimension).map(|a| self.lower[a].min(self.upper[a])).collect();
         let mut positions = Vec::with_capacity(total * dimension);
         let mut volumes = Vec::with_capacity(total);
-        let mut index = vec![0usize; dimension];
+        let mut index: Vec<usize> = places.iter().map(|places| places.start).collect();
         for _ in 0..total {
             let mut volume = cell;
             for axis in 0..dimension {
-                let place = index[axis] as f64 + self.nodes.offset();
-                positions.push(lower[axis] + place * self.spacing);
+                positions.push(self.coordinate(axis, index[axis]));
                 volume *= self.nodes.share(index[axis], counts[axis]);
             }
             volumes.push(volume);
             for axis in (0..dimension).rev() {
                 index[axis] += 1;
-                if index[axis] < counts[axis] {
+                if index[axis] < places[axis].end {
                     break;
                 }
-                index[axis] = 0;
+                index[axis] = places[axis].start;
             }
         }
-        Ok(LatticePoints { dimension, counts, positions, volumes })
+        let counts = places.iter().map(ExactSizeIterator::len).collect();
+        LatticePoints { dimension, counts, positions, volumes }
+    }
+
+    /// Where the points with this place along an axis are on it, in m.
+    pub fn coordinate(&self, axis: usize, place: usize) -> f64 {
+        let lower = self.lower[axis].min(self.upper[axis]);
+        lower + (place as f64 + self.nodes.offset()) * self.spacing
     }
 
     /// The whole number of cells along an axis.

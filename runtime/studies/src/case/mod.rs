@@ -276,23 +276,49 @@ impl Case {
         self.potentials.iter().zip(self.places()).map(compile).collect()
     }
 
-    /// A slab of the body with what belongs to its points, but for a mesh: points `range` in the body's order, of
-    /// which `own` count.
+    /// A slab of the body with what belongs to its points: points `range` in the body's order, of which `own` count. Of
+    /// a mesh all cells are there.
     #[cfg(feature = "petsc")]
     pub(crate) fn part(&self, range: std::ops::Range<usize>, own: std::ops::Range<usize>) -> Case {
         let horizon = self.scene.horizon_radius();
         Case {
             body: Arc::new(self.body.part(range.clone(), own, horizon)),
             materials: self.materials.as_ref().map(|materials| Arc::new(materials.part(range))),
-            // By the places that points have in the whole body.
-            columns: self.columns.clone(),
-            mesh: None,
-            scene: self.scene.clone(),
-            potentials: self.potentials.clone(),
-            content: self.content,
-            warnings: Vec::new(),
-            folder: self.folder.clone(),
+            // Columns are by the places that points have in the whole body.
+            ..self.clone()
         }
+    }
+
+    /// The box whose lattice can be made slab by slab, without the whole: nothing is asked of its points by their number
+    /// in a file, or by the middle of the body.
+    #[cfg(feature = "petsc")]
+    pub(crate) fn box_in_slabs(&self) -> Option<&crate::scene::LatticeShape> {
+        let crate::scene::Points::Lattice(shape) = &self.scene.body.points else { return None };
+        let is_listed = |set: &crate::scene::SetDefinition| {
+            matches!(set.members, crate::scene::Members::Listed { .. })
+        };
+        let is_even = |potential: &Potential| potential.values.fields.is_empty();
+        let in_slabs =
+            !self.scene.sets.iter().any(is_listed) && self.potentials.iter().all(is_even);
+        in_slabs.then_some(shape)
+    }
+
+    /// The same with a slab of its points; `anywhere` says whether something is so in any slab.
+    ///
+    /// # Errors
+    /// Points of two materials, or of none.
+    #[cfg(feature = "petsc")]
+    pub(crate) fn with_slab(
+        mut self,
+        body: Body,
+        warnings: Vec<Diagnostic>,
+        anywhere: &dyn Fn(bool) -> bool,
+    ) -> Result<Case, CaseError> {
+        self.materials = selection::materials_of(&self.scene, &body, anywhere)?.map(Arc::new);
+        self.body = Arc::new(body);
+        self.warnings.extend(warnings);
+        self.warnings.extend(self.warnings_of_cracks());
+        Ok(self)
     }
 
     /// The same body of one of its materials alone; `None` where it has no such material.

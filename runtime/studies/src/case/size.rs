@@ -24,8 +24,13 @@ const SAMPLED: usize = 64;
 /// Refuses a lattice whose points alone exceed the memory.
 pub(crate) fn check_lattice(shape: &LatticeShape) -> Result<(), CaseError> {
     let points = shape.counts().iter().map(|n| *n as f64).product::<f64>();
-    let bytes = points * COPIES * 8.0 * (shape.low.len() + 1) as f64;
-    check(bytes, &format!("the {points:.1e} points of the box"), "take a larger spacing")
+    check_points(points, shape.low.len(), "of the box")
+}
+
+/// Refuses so many points, `whose`, if they alone exceed the memory.
+pub(crate) fn check_points(points: f64, d: usize, whose: &str) -> Result<(), CaseError> {
+    let bytes = points * COPIES * 8.0 * (d + 1) as f64;
+    check(bytes, &format!("the {points:.1e} points {whose}"), "take a larger spacing")
 }
 
 /// How many neighbours a point has, from some of the points.

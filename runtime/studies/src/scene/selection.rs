@@ -9,7 +9,9 @@ use piola_mechanics::materials::{self, Materials};
 use rayon::prelude::*;
 
 use super::sets::holds;
-use super::{AXES, Expression, Interface, InterfaceRule, Members, Region, Scene, SceneReport};
+use super::{
+    AXES, Expression, Interface, InterfaceRule, Members, Probe, Region, Scene, SceneReport,
+};
 
 /// A point this many spacings from the boundary of a condition is on one side of it by chance.
 const BOUNDARY_MARGIN: f64 = 1e-6;
@@ -116,51 +118,33 @@ pub fn kept(
     if keep.contains(&true) {
         return Ok(Kept { keep, warnings });
     }
+    Err(nothing_left(scene, positions))
+}
+
+/// Every point is removed; `positions` are of all, or of those farthest apart.
+pub(crate) fn nothing_left(scene: &Scene, positions: &[f64]) -> SceneReport {
     let span = scene.body.remove.first().map_or(Span::default(), |condition| condition.span);
     let error = Diagnostic::error("nothing-left", span, "every point of the body is removed")
-        .help(ranges(positions, dimension));
-    Err(scene.report(vec![error]))
+        .help(ranges(positions, scene.body.dimension));
+    scene.report(vec![error])
 }
 
 /// Finds the points of every set and probe.
 pub fn select(scene: &Scene, body: &Body) -> Result<Selection, SceneReport> {
-    let mut errors = Vec::new();
-    let mut warnings = Vec::new();
-    let (dimension, positions) = (body.dimension(), body.positions());
-    let spacing = typical_spacing(dimension, body.volumes(), body.spacing());
+    let (mut errors, mut warnings) = (Vec::new(), Vec::new());
     let mut sets = Vec::new();
-    for set in &scene.sets {
-        let name = &set.name.value;
-        let inside = set.members.of(body);
-        let points: Vec<usize> = (0..body.n_points()).filter(|&point| inside[point]).collect();
-        if points.is_empty() {
-            let message = format!("the set `{name}` has no points");
-            errors.push(
-                Diagnostic::error("empty-set", set.members.span(), message)
-                    .label("this holds nowhere in the body")
-                    .help(ranges(positions, dimension)),
-            );
+    for number in 0..scene.sets.len() {
+        let (set, warning) = set_of(scene, body, number);
+        if set.points.is_empty() {
+            errors.push(empty_set(scene, number, body.positions()));
         }
-        if let Members::Where(condition) = &set.members {
-            let place = format!("of the set `{name}`");
-            let near = boundary_warning(condition, &place, positions, dimension, spacing, &inside);
-            warnings.extend(near);
-        }
-        let volume = points.iter().map(|&point| body.volumes()[point]).sum();
-        sets.push(PointSet { name: name.clone(), points, volume });
+        warnings.extend(warning);
+        sets.push(set);
     }
-    let reach = body.spacing().unwrap_or(scene.horizon_radius());
     let mut probes = Vec::new();
     for probe in &scene.probes {
         let (point, distance) = nearest(body, &probe.at.value);
-        if distance > reach * (1.0 + BOUNDARY_MARGIN) {
-            let message = format!("the probe `{}` is outside the body", probe.name.value);
-            let place = coordinates(body.position(point));
-            errors.push(
-                Diagnostic::error("probe-outside", probe.at.span, message)
-                    .help(format!("the nearest point is {place}, {} m away", readable(distance))),
-            );
-        }
+        errors.extend(probe_outside(scene, probe, (body.position(point), distance)));
         probes.push(ProbePoint { name: probe.name.value.clone(), point, distance });
     }
     if errors.is_empty() {
@@ -168,6 +152,51 @@ pub fn select(scene: &Scene, body: &Body) -> Result<Selection, SceneReport> {
     }
     errors.extend(warnings);
     Err(scene.report(errors))
+}
+
+/// The points of a set by its number, which may be none, and where its boundary is too close to points.
+pub(crate) fn set_of(scene: &Scene, body: &Body, number: usize) -> (PointSet, Option<Diagnostic>) {
+    let (dimension, positions) = (body.dimension(), body.positions());
+    let spacing = typical_spacing(dimension, body.volumes(), body.spacing());
+    let set = &scene.sets[number];
+    let name = &set.name.value;
+    let inside = set.members.of(body);
+    let points: Vec<usize> = (0..body.n_points()).filter(|&point| inside[point]).collect();
+    let near = match &set.members {
+        Members::Where(condition) => {
+            let place = format!("of the set `{name}`");
+            boundary_warning(condition, &place, positions, dimension, spacing, &inside)
+        }
+        Members::Listed { .. } => None,
+    };
+    let volume = points.iter().map(|&point| body.volumes()[point]).sum();
+    (PointSet { name: name.clone(), points, volume }, near)
+}
+
+/// A set without points, by its number, in a body with points at these places.
+pub(crate) fn empty_set(scene: &Scene, number: usize, positions: &[f64]) -> Diagnostic {
+    let set = &scene.sets[number];
+    let message = format!("the set `{}` has no points", set.name.value);
+    Diagnostic::error("empty-set", set.members.span(), message)
+        .label("this holds nowhere in the body")
+        .help(ranges(positions, scene.body.dimension))
+}
+
+/// A probe that is further from the nearest point of the body than points are from each other; with that point's
+/// place and how far it is, in m.
+pub(crate) fn probe_outside(
+    scene: &Scene,
+    probe: &Probe,
+    (place, distance): (&[f64], f64),
+) -> Option<Diagnostic> {
+    let reach = scene.body.points.spacing().unwrap_or(scene.horizon_radius());
+    if distance <= reach * (1.0 + BOUNDARY_MARGIN) {
+        return None;
+    }
+    let message = format!("the probe `{}` is outside the body", probe.name.value);
+    let place = coordinates(place);
+    let found = Diagnostic::error("probe-outside", probe.at.span, message);
+    Some(found.help(format!("the nearest point is {place}, {} m away", readable(distance))))
 }
 
 /// Which points are in some of the sets of a scene; `sets` are indices into [`Scene::sets`].
@@ -188,6 +217,15 @@ pub fn unbreakable(scene: &Scene, body: &Body) -> Vec<bool> {
 
 /// The materials of the points of a body; nothing of a scene with one material.
 pub fn materials(scene: &Scene, body: &Body) -> Result<Option<Materials>, SceneReport> {
+    materials_of(scene, body, &|is_left| is_left)
+}
+
+/// The same of a slab of a body, where `anywhere` says whether what is asked is so in any slab.
+pub(crate) fn materials_of(
+    scene: &Scene,
+    body: &Body,
+    anywhere: &dyn Fn(bool) -> bool,
+) -> Result<Option<Materials>, SceneReport> {
     if scene.regions.is_empty() {
         return Ok(None);
     }
@@ -212,11 +250,12 @@ pub fn materials(scene: &Scene, body: &Body) -> Result<Option<Materials>, SceneR
     }
     let rest = scene.regions.iter().position(|region| region.set.is_none());
     let left = of_point.iter().position(Option::is_none);
+    let is_left = anywhere(left.is_some());
     match (rest, left) {
-        (Some(rest), Some(_)) => {
+        (Some(rest), _) if is_left => {
             of_point.iter_mut().for_each(|of| *of = of.or(Some(rest as u8)));
         }
-        (Some(rest), None) => {
+        (Some(rest), _) => {
             let message =
                 "no point is left for this material: the sets of the others have them all";
             errors.push(Diagnostic::error("empty-set", scene.regions[rest].name.span, message));

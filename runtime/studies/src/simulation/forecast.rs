@@ -171,6 +171,15 @@ impl Case {
         Ok(Outline { extent: Extent::of(&self.body), interactions, prescribed, notes })
     }
 
+    /// Energies that the scene does not need, each with its reason.
+    ///
+    /// # Errors
+    /// As [`Case::compile`].
+    pub fn dropped_energies(&self) -> Result<Vec<String>, CaseError> {
+        let notes = self.kernel_notes(&self.compile()?);
+        Ok(notes.into_iter().filter(|note| !note.modelled).map(|note| note.reason).collect())
+    }
+
     /// What points know of their families, for each energy that needs it.
     pub(super) fn families(&self, compiled: &[Compiled]) -> Vec<Families> {
         let settings = self.scene.correspondence.clone().unwrap_or_default();

@@ -4,6 +4,8 @@
 //! |---|---|
 //! | `exchange` | numbers of the halo's points from their owners |
 //! | `share` | which points are whose, and how far a halo reaches |
+//! | `parts` | a case of which each rank has its part: points, materials, sets |
+//! | `lattice` | the layers of a lattice that a rank holds, without the rest |
 //! | `rows` | whole rows of the tangent of own points |
 //! | `slab` | forces and tangent of own points, as PETSc asks for them |
 //! | `steps` | load steps |
@@ -14,10 +16,12 @@
 //! Energies, kernels and neighbourhoods are those of a run by one process, of the part of the body that a rank holds:
 //! forces on its own points are whole there, and rows of the tangent, too. What a rank holds beyond is the halo, of
 //! whose points the displacements come from their owners. Newton's method, Krylov methods and multigrid are PETSc's.
-//! All ranks read the scene and its points; from then on each keeps neighbours and tangent of its part alone.
+//! All ranks read the scene. Of a lattice each makes its part; clouds and meshes all read, and keep theirs.
 
 mod exchange;
+mod lattice;
 mod moves;
+mod parts;
 mod record;
 mod rows;
 mod share;
@@ -25,18 +29,14 @@ mod slab;
 mod steps;
 mod view;
 
-use std::ops::Range;
-use std::sync::Arc;
-
 use piola_compiler::jit::target;
 use piola_grammar::counted;
-use piola_mechanics::assembly::AssemblyError;
 use piola_mechanics::energy::{Energy as _, Total};
 use piola_mechanics::interaction::Inverted;
-use piola_mechanics::neighborhood::Neighborhood;
-use piola_mechanics::weights::Weights;
 use piola_output::OutputFolder;
-use piola_output::summary::{ExitReason, FNV1A64_OF_NOTHING, PhaseClock, SolverSummary, fnv1a64};
+use piola_output::summary::{
+    ExitReason, FNV1A64_OF_NOTHING, InteractionCounts, PhaseClock, SolverSummary, Summary, fnv1a64,
+};
 pub use piola_petsc::Engine;
 use piola_solvers::Watch;
 use piola_solvers::motion::Method;
@@ -49,49 +49,43 @@ use crate::case::{Case, CaseError, FieldsInTime, Potential};
 use crate::scene::boundary::BoundaryConditions;
 use crate::scene::selection::{PointSet, Selection};
 use crate::scene::{Scene, SolverSettings};
+pub use parts::Parts;
 use record::{Recorder, Sums};
-use share::{Share, reach};
+use share::Share;
 use slab::Slab;
 use steps::{Found, LoadSteps, Solves, agreed, lost};
 use view::View;
 
-/// Runs a case over all ranks of an engine: its load steps or its motion. All of them call it with the same case;
-/// rank 0 has the folder, and alone writes. Collective.
+/// Runs a case over all ranks of an engine: its load steps or its motion. Rank 0 has the folder, and alone writes tables.
+/// Collective.
 ///
 /// # Errors
 /// On all ranks: a case that cannot be run so, or cannot start; what PETSc reports; a file that cannot be written.
 pub fn run(
-    case: &Case,
+    parts: &Parts,
     engine: &Engine,
     folder: Option<&OutputFolder>,
     options: RunOptions<'_>,
     watch: &Watch,
 ) -> Result<Ending, RunError> {
+    let case = &parts.case;
     // What all ranks find alike is agreed on all the same: files may differ from machine to machine.
-    agreed(engine, refuse(case, engine).and_then(|()| case.check_rest()))?;
+    agreed(engine, refuse(case).and_then(|()| case.check_rest()))?;
     let mut clock = PhaseClock::new();
     enter(&mut clock, watch, "compile");
     let compiled = agreed(engine, case.compile())?;
     check_kernels(case, engine)?;
     enter(&mut clock, watch, "interactions");
-    let selection = agreed(engine, case.selection())?;
-    // Of the whole body, so that what is wrong is told as in any run.
-    let conditions = BoundaryConditions::new(&case.scene, &case.body, &selection);
-    agreed(engine, conditions.map(|_| ()).map_err(CaseError::from))?;
-    let share = Share::of(&case.body, reach(case), (engine.rank(), engine.ranks()));
-    let part = part_of(case, engine, &share)?;
-    let of_held = selection_of(&selection, &share, share.held.clone());
-    let (energy, fields) = agreed(engine, part.solved_energy(compiled))?;
+    let (energy, fields) = agreed(engine, case.solved_energy(compiled))?;
     let begun = Begun {
         engine,
+        parts,
         case,
         folder,
         options,
         watch,
-        share: &share,
-        part: &part,
-        selection: &selection,
-        held: &of_held,
+        share: &parts.share,
+        selection: &parts.selection,
         energy: &energy,
         fields: &fields,
     };
@@ -104,33 +98,44 @@ pub fn run(
 /// A case that is made ready on a rank.
 struct Begun<'a> {
     engine: &'a Engine,
-    /// Of the whole body.
+    parts: &'a Parts,
+    /// Of what the rank holds, and its energy.
     case: &'a Case,
+    energy: &'a Total<'a>,
+    fields: &'a FieldsInTime<'a>,
     /// On rank 0.
     folder: Option<&'a OutputFolder>,
     options: RunOptions<'a>,
     watch: &'a Watch,
     share: &'a Share,
-    /// Of what the rank holds, and its energy.
-    part: &'a Case,
-    energy: &'a Total<'a>,
-    fields: &'a FieldsInTime<'a>,
-    /// What sets and probes are in the whole body, and what of sets the rank holds.
+    /// What the rank holds of sets, with volumes of whole ones; probes by their points in the body.
     selection: &'a Selection,
-    held: &'a Selection,
+}
+
+impl Begun<'_> {
+    /// A summary of one's own case as that of the whole body, which has so many bonds.
+    fn of_whole(&self, summary: Summary, bonds: usize) -> Summary {
+        Summary {
+            points: self.parts.n_points,
+            probes: self.parts.probes.clone(),
+            interactions: InteractionCounts { bonds, ..InteractionCounts::default() },
+            dropped: InteractionCounts::default(),
+            ..summary
+        }
+    }
 }
 
 /// Solves the load steps. Collective.
 fn load_steps(begun: &Begun<'_>, mut clock: PhaseClock) -> Result<Ending, RunError> {
-    let Begun { engine, case, folder, watch, share, part, selection, energy, fields, .. } = *begun;
-    let boundary = BoundaryConditions::new(&part.scene, &part.body, begun.held);
+    let Begun { engine, case, folder, watch, share, selection, energy, fields, .. } = *begun;
+    let boundary = BoundaryConditions::new(&case.scene, &case.body, selection);
     let boundary = agreed(engine, boundary.map_err(CaseError::from))?;
     let tolerance = case.scene.solver.tolerance;
     let mut slab =
         Slab::new((engine, share), energy, boundary.fixed_dofs(), tolerance).map_err(lost)?;
     let newton = slab.solver(share).map_err(lost)?;
     let fixed = boundary.fixed_dofs();
-    let view = View::new((engine, share), (case, part), (begun.held, fixed), folder)?;
+    let view = View::new((engine, share), begun.parts, fixed, folder)?;
     let resolved = case.scene.resolved_toml();
     let made = match (folder, &view.sketch) {
         (Some(folder), Some(sketch)) => {
@@ -143,10 +148,10 @@ fn load_steps(begun: &Begun<'_>, mut clock: PhaseClock) -> Result<Ending, RunErr
     let mut recorder = agreed(engine, made.map_err(RunError::from))?;
     enter(&mut clock, watch, "solve");
     let n = share.own.len() * case.body.dimension();
-    let given = vec![0.0; part.body.positions().len()];
+    let given = vec![0.0; case.body.positions().len()];
     let mut steps = LoadSteps {
         engine,
-        case: part,
+        case,
         slab: &mut slab,
         newton,
         boundary: &boundary,
@@ -156,9 +161,9 @@ fn load_steps(begun: &Begun<'_>, mut clock: PhaseClock) -> Result<Ending, RunErr
         t: 0.0,
         solves: Solves::default(),
     };
-    let here = PointFields { case: part, energy, selection: begun.held, masses: None };
+    let here = PointFields { case, energy, selection, masses: None };
     let shown = |slab: &Slab<'_>, t: f64, number: Option<usize>| {
-        let mut now = slab.frame(part, t);
+        let mut now = slab.frame(case, t);
         here.fill(&mut now);
         let colour = here.colour(&now);
         view.show(number, (&now, colour))
@@ -222,7 +227,7 @@ fn load_steps(begun: &Begun<'_>, mut clock: PhaseClock) -> Result<Ending, RunErr
         Some(recorder) => {
             let solver = solver_summary(solves);
             let told = (&ending, begun.options.clone());
-            recorder.finish(energy, told, (solver, bonds), (&resolved, clock))
+            recorder.finish(begun, told, (solver, bonds), (&resolved, clock))
         }
         None => Ok(()),
     };
@@ -279,9 +284,8 @@ fn warnings(scene: &Scene, unused: &[String]) -> Vec<String> {
 }
 
 /// Refuses what runs of many ranks do not do.
-fn refuse(case: &Case, engine: &Engine) -> Result<(), CaseError> {
+fn refuse(case: &Case) -> Result<(), CaseError> {
     let scene = &case.scene;
-    let n = case.body.n_points();
     let (motion, families) = (scene.motion.as_ref(), Potential::has_families);
     let breaks_by_families = |one: &Potential| !one.model.family_breaks().is_empty();
     let cannot = [
@@ -314,42 +318,15 @@ fn refuse(case: &Case, engine: &Engine) -> Result<(), CaseError> {
     if let Some((_, message)) = cannot.iter().find(|(is_so, _)| *is_so) {
         return Err(CaseError::Body { message: (*message).to_string() });
     }
-    if engine.ranks() > n {
-        let (points, ranks) = (counted(n, "point"), engine.ranks());
-        let message =
-            format!("the body has {points}, too few for {ranks} ranks: start at most {n}");
-        return Err(CaseError::Body { message });
-    }
     Ok(())
 }
 
-/// The part of a case that a rank holds. Where weights compare a point's family with the largest of the body, it knows
-/// that, too. Collective.
-fn part_of(case: &Case, engine: &Engine, share: &Share) -> Result<Case, RunError> {
-    let mut part = case.part(share.held.clone(), share.own.clone());
-    if case.scene.horizon.weights == Weights::Truncated {
-        let found = Neighborhood::new(&part.body, case.scene.horizon_radius());
-        let found = agreed(engine, found.map_err(AssemblyError::from).map_err(CaseError::from))?;
-        let most = share.own_of_held().map(|point| found.row(point).len()).max();
-        let most = engine.all_gather(most.unwrap_or(0) as u64).into_iter().max();
-        let body = part.body.as_ref().clone();
-        part.body = Arc::new(body.with_most_neighbors(most.unwrap_or(0) as usize));
-    }
-    Ok(part)
-}
-
-/// What of sets is among some of the points that a rank holds, with the volumes of whole sets; probes are looked up in
-/// the whole body.
-fn selection_of(selection: &Selection, share: &Share, range: Range<usize>) -> Selection {
+/// What of sets are a rank's own points, among those that it holds.
+fn own_of(selection: &Selection, share: &Share) -> Selection {
+    let own = share.own_of_held();
     let of = |set: &PointSet| PointSet {
-        name: set.name.clone(),
-        points: set
-            .points
-            .iter()
-            .filter(|point| range.contains(point))
-            .map(|point| point - share.held.start)
-            .collect(),
-        volume: set.volume,
+        points: set.points.iter().copied().filter(|point| own.contains(point)).collect(),
+        ..set.clone()
     };
     let sets = selection.sets.iter().map(of).collect();
     Selection { sets, probes: Vec::new(), warnings: Vec::new() }

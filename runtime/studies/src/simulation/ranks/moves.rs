@@ -8,7 +8,7 @@ use piola_output::fracture::{FractureColumns, FractureRow};
 use piola_output::motion::{MotionColumns, MotionTables};
 use piola_output::picture::{Charts, Picture};
 use piola_output::pvd::FrameSeries;
-use piola_output::summary::{ExitReason, InteractionCounts, PhaseClock, Summary};
+use piola_output::summary::{ExitReason, PhaseClock, Summary};
 use piola_output::{OutputError, OutputFile, OutputFolder};
 use piola_petsc::Engine;
 use piola_solvers::march::{Advance, March as _, State};
@@ -17,7 +17,7 @@ use piola_solvers::motion::{self, MotionDrive as _, MotionError, Row};
 use super::exchange::Exchange;
 use super::steps::{agreed, lost};
 use super::view::{Look, Shown, Sketch, View};
-use super::{Begun, selection_of};
+use super::{Begun, own_of};
 use crate::case::CaseError;
 use crate::scene::Motion;
 use crate::scene::boundary::BoundaryConditions;
@@ -39,21 +39,21 @@ pub(super) fn run(
     scene: &Motion,
     clock: PhaseClock,
 ) -> Result<Ending, RunError> {
-    let Begun { engine, case, share, part, selection, .. } = *begun;
+    let Begun { engine, case, share, selection, .. } = *begun;
     let broken = broken(engine, begun.energy);
     // What ranks own is driven; of the halo's points their owners know.
-    let own = selection_of(selection, share, share.own.clone());
-    let boundary = BoundaryConditions::new(&part.scene, &part.body, &own);
+    let own = own_of(selection, share);
+    let boundary = BoundaryConditions::new(&case.scene, &case.body, &own);
     let boundary = agreed(engine, boundary.map_err(CaseError::from))?;
     // That all materials have a density was asked when the scene was read.
-    let masses = part.masses().unwrap_or_default();
+    let masses = case.masses().unwrap_or_default();
     let conditions = MotionConditions::new(&boundary, &masses).map_err(CaseError::from);
     let conditions = agreed(engine, conditions)?;
     let fixed = conditions.fixed();
     let drive = Driven::new(conditions, begun.fields);
     let start = agreed(engine, initial(&boundary).map_err(CaseError::from))?;
     let exchange = Exchange::new(engine, share, case.body.dimension()).map_err(lost)?;
-    let settings = settings(part, scene);
+    let settings = settings(case, scene);
     let (energy, watch) = (begun.energy, begun.watch);
     let made = motion::Motion::among(&exchange, energy, &masses, start, &drive, &settings, watch);
     let mut motion = match made {
@@ -61,13 +61,13 @@ pub(super) fn run(
         Err(error) => {
             let own = match error {
                 MotionError::Elsewhere => Ok(()),
-                own => Err(refused(part, &drive, own)),
+                own => Err(refused(case, &drive, own)),
             };
             return Err(agreed(engine, own).err().unwrap_or_else(|| nothing_said().into()));
         }
     };
-    let fields = PointFields { case: part, energy, selection: begun.held, masses: Some(&masses) };
-    let view = View::new((engine, share), (case, part), (begun.held, &fixed), begun.folder)?;
+    let fields = PointFields { case, energy, selection, masses: Some(&masses) };
+    let view = View::new((engine, share), begun.parts, &fixed, begun.folder)?;
     let sight = Sight { begun, fields, own: &own, broken, view: &view };
     moved(&sight, scene, &mut motion, (&drive, &exchange), clock)
 }
@@ -136,13 +136,7 @@ fn moved(
                 told::summary((scene, motion), told, energy, mass[0])
             });
             let summary = summary(case, energy, (&ending, options), &resolved, &mut clock);
-            let summary = Summary {
-                motion: told,
-                // Those that rank 0 holds are not all of them.
-                interactions: InteractionCounts { bonds, ..InteractionCounts::default() },
-                dropped: InteractionCounts::default(),
-                ..summary
-            };
+            let summary = Summary { motion: told, ..sight.begun.of_whole(summary, bonds) };
             summary.write(folder).and_then(|()| recorder.finish(title))
         }
         _ => Ok(()),
@@ -175,7 +169,7 @@ fn go(
     recorder: &mut Option<Recorder<'_>>,
     (drive, exchange): (&Driven<'_>, &Exchange<'_>),
 ) -> Result<Gone, RunError> {
-    let Begun { engine, case, part, .. } = *sight.begun;
+    let Begun { engine, case, .. } = *sight.begun;
     let (mut n_frames, mut last) = (0, None);
     let mut next = motion.advance_to(0);
     let (reason, message) = loop {
@@ -200,7 +194,7 @@ fn go(
                 break (ExitReason::Interrupted, format!("interrupted at t = {t:e} s"));
             }
             Err(error) => {
-                let told = |own| stopped(part, drive, own);
+                let told = |own| stopped(case, drive, own);
                 let (reason, message) = ended(engine, error, told, exchange);
                 let behind = last.as_ref().map_or_else(String::new, |last: &Last| {
                     format!("; the last row is that of t = {:e} s", last.row.t)
@@ -274,13 +268,13 @@ struct Sight<'a> {
 impl Sight<'_> {
     /// What the tables have columns for.
     fn columns(&self) -> MotionColumns {
-        let Begun { part, energy, selection, .. } = *self.begun;
+        let Begun { case, energy, selection, .. } = *self.begun;
         let fracture = energy.fracture().map(|fracture| FractureColumns {
             cliques: [Measure::Area, Measure::Volume]
                 .map(|measure| fracture.counts_of(measure).is_some()),
             tracks: Vec::new(),
         });
-        told::columns(part, energy, selection, fracture)
+        told::columns(case, energy, selection, fracture)
     }
 
     /// What tables tell of sets and probes of the whole body. Collective.
@@ -301,9 +295,9 @@ impl Sight<'_> {
 
     /// Writes the frame with this number; what rank 0 has of it. Collective.
     fn show(&self, now: &Moment, number: usize) -> Result<Option<Shown>, RunError> {
-        let part = self.begun.part;
-        let mut frame = frame(part, now.t, &now.displacements, &now.residual);
-        frame.velocity = part.body.to_user_order(&now.velocities, part.body.dimension());
+        let case = self.begun.case;
+        let mut frame = frame(case, now.t, &now.displacements, &now.residual);
+        frame.velocity = case.body.to_user_order(&now.velocities, case.body.dimension());
         self.fields.fill(&mut frame);
         let colour = self.fields.colour(&frame);
         self.view.show(Some(number), (&frame, colour))

@@ -4,12 +4,13 @@ use piola_mechanics::energy::{Energy as _, EnergyParts, Total};
 use piola_mechanics::interaction::Inverted;
 use piola_output::picture::{Charts, Picture};
 use piola_output::pvd::FrameSeries;
-use piola_output::summary::{InteractionCounts, PhaseClock, SolverSummary, step_summaries};
+use piola_output::summary::{PhaseClock, SolverSummary, step_summaries};
 use piola_output::{
     Definiteness, History, OutputError, OutputFile, OutputFolder, SetsAtRest, table,
 };
 use piola_petsc::Engine;
 
+use super::Begun;
 use super::share::Share;
 use super::slab::Slab;
 use super::steps::Found;
@@ -36,11 +37,10 @@ impl Sums {
         (slab, share): (&Slab<'_>, &Share),
         (case, selection): (&Case, &Selection),
     ) -> Sums {
-        let (d, own) = (case.body.dimension(), &share.own);
+        let (d, own) = (case.body.dimension(), share.own_of_held());
         let at = |point: usize| (point - own.start) * d;
         let (forces, loads) = (slab.own_forces(), slab.loads());
-        let inner = share.own_of_held();
-        let u = &slab.local()[inner.start * d..inner.end * d];
+        let u = &slab.local()[own.start * d..own.end * d];
         let mut numbers = vec![0.0; energy.parts().len()];
         if energy.counted_energy(slab.local(), None, &mut numbers).is_err() {
             numbers.fill(f64::NAN);
@@ -63,9 +63,9 @@ impl Sums {
             }
         }
         for probe in &selection.probes {
-            let is_mine = own.contains(&probe.point);
-            numbers
-                .extend((0..d).map(|axis| if is_mine { u[at(probe.point) + axis] } else { 0.0 }));
+            let mine =
+                share.own.contains(&probe.point).then(|| (probe.point - share.own.start) * d);
+            numbers.extend((0..d).map(|axis| mine.map_or(0.0, |at| u[at + axis])));
         }
         engine.sum(&mut numbers);
         let mut rest = numbers.into_iter();
@@ -164,7 +164,7 @@ impl<'a> Recorder<'a> {
     /// Summary and picture.
     pub(super) fn finish(
         self,
-        energy: &Total<'_>,
+        begun: &Begun<'_>,
         (ending, options): (&Ending, RunOptions<'_>),
         (solver, bonds): (SolverSummary, usize),
         (resolved, mut clock): (&str, PhaseClock),
@@ -172,11 +172,9 @@ impl<'a> Recorder<'a> {
         if self.history.steps.is_empty() {
             table::write_history(self.folder, &self.history)?;
         }
-        let title = options.title;
-        let mut summary = summary(self.case, energy, (ending, options), resolved, &mut clock);
-        // Those that rank 0 holds are not all of them.
-        summary.interactions = InteractionCounts { bonds, ..InteractionCounts::default() };
-        summary.dropped = InteractionCounts::default();
+        let (title, energy) = (options.title, begun.energy);
+        let summary = summary(self.case, energy, (ending, options), resolved, &mut clock);
+        let mut summary = begun.of_whole(summary, bonds);
         summary.solver = Some(solver);
         summary.steps = step_summaries(&self.history);
         summary.write(self.folder)?;

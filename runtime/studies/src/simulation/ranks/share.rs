@@ -8,7 +8,7 @@ use piola_mechanics::weights::Weights;
 use crate::case::Case;
 
 /// Distances are compared with this part of themselves to spare: a point more in a halo does no harm.
-const MARGIN: f64 = 1e-6;
+pub(super) const MARGIN: f64 = 1e-6;
 
 /// What a rank owns and holds, as ranges of points in the body's order.
 #[derive(Clone, Debug, PartialEq)]
@@ -26,7 +26,7 @@ impl Share {
     /// points, up to one.
     pub(super) fn of(body: &Body, reach: f64, (rank, ranks): (usize, usize)) -> Share {
         let n = body.n_points();
-        let ranges: Vec<u64> = (0..=ranks).map(|rank| (n * rank / ranks) as u64).collect();
+        let ranges = Share::ranges(n, ranks);
         let own = ranges[rank] as usize..ranges[rank + 1] as usize;
         let along = |point: usize| body.position(point)[body.sorted_axis()];
         let reach = reach * (1.0 + MARGIN);
@@ -35,6 +35,11 @@ impl Share {
         let last = (own.end..n).take_while(|point| along(*point) - along(own.end - 1) <= reach);
         let held = own.start - first.count()..own.end + last.count();
         Share { ranges, own, held }
+    }
+
+    /// Where the points of each of so many ranks begin, and where the last ones end.
+    pub(super) fn ranges(n_points: usize, ranks: usize) -> Vec<u64> {
+        (0..=ranks).map(|rank| (n_points * rank / ranks) as u64).collect()
     }
 
     /// The places of its own points among those that it holds.

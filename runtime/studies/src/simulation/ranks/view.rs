@@ -11,9 +11,9 @@ use piola_output::table::write_displacement_of;
 use piola_output::{Frame, OutputError, OutputFolder, PointField, Points};
 use piola_petsc::{Engine, EngineError, Halo};
 
+use super::parts::Parts;
 use super::share::Share;
 use super::steps::{agreed, lost};
-use crate::case::Case;
 use crate::scene::selection::Selection;
 use crate::simulation::run::RunError;
 
@@ -75,28 +75,28 @@ pub(super) struct Shown {
 }
 
 impl<'a> View<'a> {
-    /// Of the part of a case that a rank holds; `selection` is what it holds of sets, `fixed` are degrees of freedom of
-    /// its own that are prescribed. `folder` is that of rank 0. Collective.
+    /// Of the part of a case that a rank holds; `fixed` are degrees of freedom of its own that are prescribed. `folder` is
+    /// that of rank 0. Collective.
     ///
     /// # Errors
     /// What PETSc reports.
     pub(super) fn new(
         (engine, share): (&'a Engine, &'a Share),
-        (whole, part): (&Case, &'a Case),
-        (selection, fixed): (&Selection, &[usize]),
+        parts: &'a Parts,
+        fixed: &[usize],
         folder: Option<&OutputFolder>,
     ) -> Result<View<'a>, RunError> {
-        let body = part.body.as_ref();
-        let n_points = share.ranges.last().map_or(0, |n| *n as usize);
-        let stride = if whole.mesh.is_some() { 1 } else { stride(n_points, body) };
+        let (case, n_points) = (&parts.case, parts.n_points);
+        let body = case.body.as_ref();
+        let stride = if case.mesh.is_some() { 1 } else { stride(n_points, body) };
         let own = share.own_of_held();
         let is_shown = shown(engine, body, own.clone(), stride);
         let shown: Vec<usize> = own.filter(|point| is_shown(*point)).collect();
         let held = held(body, fixed);
-        let sketch = sketch(engine, (body, &shown), (selection, &held), stride);
-        let mesh = whole.mesh.clone();
+        let sketch = sketch(engine, (body, &shown), (&parts.selection, &held), stride);
+        let mesh = case.mesh.clone();
         let sketch = sketch.map(|one| Sketch { points: one.points.with_mesh(mesh), ..one });
-        let pieces = match whole.mesh {
+        let pieces = match case.mesh {
             Some(_) => None,
             None => Some(Pieces::new((engine, share), body, &held, folder).map_err(lost)?),
         };

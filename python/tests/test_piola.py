@@ -13,11 +13,13 @@ import sys
 import threading
 import time
 import warnings
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import piola
+from piola._frames import read_frames
 
 EXAMPLES = os.path.join(os.path.dirname(__file__), "..", "..", "examples")
 SPRING = "potential spring\ndimensions 3\nparameter c in J/m^7, c > 0\npsi(l) = c/2*L*(l/L - 1)^2\n"
@@ -350,3 +352,19 @@ def test_large_arrays_are_evaluated_piece_by_piece_as_small_ones():
     for start, piece in zip((0, 4090, 8192, 99_994), pieces, strict=True):
         for column, part in zip(whole, piece, strict=True):
             assert np.array_equal(column[start : start + 7], part)
+
+
+def test_frames_in_pieces_are_put_together() -> None:
+    """Two processes have each written their part of 3 x 4 points, with borrowed ones between them."""
+    folder = Path(__file__).parent / "data" / "pieces"
+    rest, end = read_frames(str(folder))
+    assert (rest.t, end.t) == (0.0, 1.0)
+    place = [(0.05 + 0.1 * i, 0.05 + 0.1 * j, 0.0) for i in range(3) for j in range(4)]
+    assert np.allclose(end.positions, place, atol=1e-15)
+    assert "point" not in end.fields
+    assert np.array_equal(end["held"], [float(j in (0, 3)) for _ in range(3) for j in range(4)])
+    upper = end["displacement"].reshape(3, 4, 3)[:, 3]
+    assert np.array_equal(upper, [[0.0, 0.01, 0.0]] * 3)
+    # The force on the upper row is that on the lower one, turned round.
+    residual = end["residual"].reshape(3, 4, 3)
+    assert abs(residual[:, 3, 1].sum() + residual[:, 0, 1].sum()) < 1e-12 * residual[:, 3, 1].sum()

@@ -166,7 +166,7 @@ fn load_steps(begun: &Begun<'_>, mut clock: PhaseClock) -> Result<Ending, RunErr
         let mut now = slab.frame(case, t);
         here.fill(&mut now);
         let colour = here.colour(&now);
-        view.show(number, (&now, colour))
+        view.show(number, (now, colour))
     };
     let sums = |slab: &Slab<'_>| Sums::of(engine, energy, (slab, share), (case, selection));
     let is_known = steps.rest()?;

@@ -185,6 +185,8 @@ fn go(
                     None => Ok(()),
                 };
                 agreed(engine, written.map_err(RunError::from))?;
+                // Of a row that is a frame nothing but displacements is asked any more.
+                let moment = if is_due { moment.without_forces() } else { moment };
                 last = Some(Last { row, seen: moment, is_shown: is_due });
             }
             Ok(Advance::Pause) => {}
@@ -300,7 +302,7 @@ impl Sight<'_> {
         frame.velocity = case.body.to_user_order(&now.velocities, case.body.dimension());
         self.fields.fill(&mut frame);
         let colour = self.fields.colour(&frame);
-        self.view.show(Some(number), (&frame, colour))
+        self.view.show(Some(number), (frame, colour))
     }
 }
 
@@ -316,6 +318,11 @@ struct Moment {
 }
 
 impl Moment {
+    /// Displacements alone.
+    fn without_forces(self) -> Moment {
+        Moment { velocities: Vec::new(), residual: Vec::new(), ..self }
+    }
+
     fn of(t: f64, state: &State<'_>) -> Moment {
         let residual = state.internal_forces.iter().zip(state.loads).map(|(g, f)| g - f);
         Moment {

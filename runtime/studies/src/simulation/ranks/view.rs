@@ -128,16 +128,16 @@ impl<'a> View<'a> {
     pub(super) fn show(
         &self,
         number: Option<usize>,
-        (frame, colour): (&Frame, Option<Colour>),
+        (frame, colour): (Frame, Option<Colour>),
     ) -> Result<Option<Shown>, RunError> {
-        let look = self.look(frame, colour);
+        let look = self.look(&frame, colour);
         let own = match (number, &self.pieces) {
             (Some(number), Some(pieces)) => {
                 let own = pieces.frame(self.body, frame).map_err(lost)?;
                 let place = (number, self.engine.rank());
                 let written = pieces.piece.write(&pieces.folder, place, &own);
                 agreed(self.engine, written.map_err(RunError::from))?;
-                Some(own)
+                Some(named(own, self.body.dimension()))
             }
             (Some(_), None) => look.as_ref().map(|look| look.frame.clone()),
             (None, _) => None,
@@ -238,6 +238,15 @@ pub(super) fn gathered(engine: &Engine, own: &[f64]) -> Option<Vec<f64>> {
         eights.filter_map(|eight| Some(f64::from_le_bytes(eight.try_into().ok()?))).collect()
     };
     Some(all.iter().flat_map(numbers).collect())
+}
+
+/// A frame of which nothing but the names of its arrays is needed: without values, but of a point's velocity.
+fn named(mut frame: Frame, d: usize) -> Frame {
+    frame.displacement = Vec::new();
+    frame.residual = Vec::new();
+    frame.velocity = frame.velocity.iter().take(d).copied().collect();
+    frame.fields.iter_mut().for_each(|field| field.values = Vec::new());
+    frame
 }
 
 /// How many points of a lattice along each axis are shown as one, or how many of a cloud.
@@ -390,23 +399,27 @@ impl<'e> Pieces<'e> {
         Ok(room)
     }
 
-    /// The frame of the piece, of one of what is held. Collective.
-    fn frame(&self, body: &Body, frame: &Frame) -> Result<Frame, EngineError> {
+    /// The frame of the piece, of one of what is held, whose arrays make room one by one. Collective.
+    fn frame(&self, body: &Body, frame: Frame) -> Result<Frame, EngineError> {
         let d = body.dimension();
-        let of = |values: &[f64], width: usize| match values {
-            [] => Ok(Vec::new()),
-            values => self.brought(&body.from_user_order(values, width), width),
+        let of = |values: Vec<f64>, width: usize| match values {
+            values if values.is_empty() => Ok(values),
+            values => {
+                let rows = body.from_user_order(&values, width);
+                drop(values);
+                self.brought(&rows, width)
+            }
         };
-        let field = |field: &PointField| {
-            let values = of(&field.values, field.components)?;
-            Ok(PointField { name: field.name.clone(), components: field.components, values })
+        let field = |field: PointField| {
+            let values = of(field.values, field.components)?;
+            Ok(PointField { values, ..field })
         };
         Ok(Frame {
             t: frame.t,
-            displacement: of(&frame.displacement, d)?,
-            residual: of(&frame.residual, d)?,
-            velocity: of(&frame.velocity, d)?,
-            fields: frame.fields.iter().map(field).collect::<Result<_, EngineError>>()?,
+            displacement: of(frame.displacement, d)?,
+            residual: of(frame.residual, d)?,
+            velocity: of(frame.velocity, d)?,
+            fields: frame.fields.into_iter().map(field).collect::<Result<_, EngineError>>()?,
         })
     }
 }

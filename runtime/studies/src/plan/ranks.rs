@@ -1,0 +1,141 @@
+//! What each of many processes takes of a body: a slab of points, and the halo that its forces depend on.
+
+use serde::Serialize;
+
+use super::{Extent, MemoryItem, Plan, blocks, matrix_bytes, total};
+
+/// Memory of a process with MPI and PETSc before it has read a scene, in bytes.
+pub(super) const PROGRAM: &str = "45 MB";
+
+/// Of what PETSc has for each entry of a block in own rows, in bytes: its matrix, a number and a column.
+const MATRIX: f64 = 12.0;
+
+/// Coarse levels, interpolation and what sets them up, by one process and by several: measured on cubes of bonds
+/// (docs/ranks.md), where they are taken to go with the matrix.
+const MULTIGRID: [f64; 2] = [13.0, 35.0];
+
+/// Vectors of own points that exist while a frame of a motion is written.
+const FRAME_VECTORS: usize = 11;
+
+/// Items of a plan that PETSc has in another form.
+const SOLVERS: [&str; 4] = ["tangent", "factor", "preconditioner", "vectors of GMRES"];
+
+/// What the largest of so many processes takes.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct RanksPlan {
+    /// How many processes there are.
+    pub ranks: usize,
+    /// How many points one owns.
+    pub own: usize,
+    /// How many it holds besides, which others own.
+    pub halo: usize,
+    /// Memory by item, in bytes.
+    pub memory: Vec<MemoryItem>,
+    /// All items together, in bytes.
+    pub memory_total: u64,
+    /// Bytes that it receives whenever displacements are brought: once a step of a motion, once an evaluation of forces
+    /// or tangent in load steps.
+    pub received: u64,
+    /// From how many others these come.
+    pub messages: usize,
+    /// How many processes the body has room for: with more of them one owns less than it holds of others.
+    pub room: usize,
+}
+
+impl RanksPlan {
+    /// Of a body and its plan for one process. Forces depend on points as far as `reach`, and the tangent couples points
+    /// over so many bonds, `coupled`; lengths in m.
+    pub(crate) fn new(
+        plan: &Plan,
+        extent: &Extent,
+        (horizon, reach, coupled): (f64, f64, usize),
+        ranks: usize,
+    ) -> RanksPlan {
+        let (n, d) = (extent.points, extent.dimension);
+        let own = n.div_ceil(ranks);
+        let longest = extent.sides.iter().fold(1.0_f64, |most, side| most.max(*side));
+        // A cut is in the middle of a layer, whose rest belongs to the halo.
+        let deep = ((reach / extent.spacing).floor() + 0.5) * n as f64 / longest;
+        let sides = ranks.saturating_sub(1).min(2);
+        let halo = ((sides as f64 * deep) as usize).min(n - own);
+        let share = (own + halo) as f64 / n.max(1) as f64;
+        let layers = horizon / extent.spacing;
+        let upper = blocks(extent, layers, &plan.interactions, coupled);
+        let memory = memory(plan, (own, share), d, (upper, ranks));
+        let across = (halo as f64 / sides.max(1) as f64 / own.max(1) as f64).ceil() as usize;
+        RanksPlan {
+            ranks,
+            own,
+            halo,
+            memory_total: total(&memory),
+            memory,
+            received: (8 * d * halo) as u64,
+            messages: (sides * across).min(ranks - 1),
+            room: ((n as f64 / (2.0 * deep)) as usize).max(1),
+        }
+    }
+}
+
+fn memory(
+    plan: &Plan,
+    (own, share): (usize, f64),
+    d: usize,
+    (upper, ranks): (f64, usize),
+) -> Vec<MemoryItem> {
+    let is_solver = |item: &&MemoryItem| !SOLVERS.iter().any(|name| item.item.starts_with(name));
+    let held = |item: &MemoryItem| (item.item, item.bytes as f64 * share);
+    let mut items: Vec<(&'static str, f64)> =
+        plan.memory.iter().filter(is_solver).map(held).collect();
+    let part = own as f64 / plan.points.max(1) as f64;
+    if plan.motion.is_some() {
+        items.push(("a frame as it is written", (own * 8 * d * FRAME_VECTORS) as f64));
+    } else {
+        let (values, columns) = matrix_bytes(d, upper);
+        // Whole rows of own points: of each block its place, and its numbers as PETSc is given them.
+        let entries = (2.0 * upper - plan.points as f64) * (d * d) as f64 * part;
+        let multigrid = MULTIGRID[usize::from(ranks > 1)];
+        items.push(("tangent, upper blocks", (values + columns) * share));
+        items.push(("tangent, rows of own points", entries * (8.0 + 16.0 / (d * d) as f64)));
+        items.push(("matrix of PETSc", entries * MATRIX));
+        items.push(("multigrid of PETSc", entries * multigrid));
+    }
+    items.into_iter().map(|(item, bytes)| MemoryItem { item, bytes: bytes as u64 }).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shares_add_up() {
+        // 100 x 10 x 10 points of two horizons of two spacings.
+        let extent = Extent {
+            dimension: 3,
+            points: 10_000,
+            sides: vec![100.0, 10.0, 10.0],
+            spacing: 0.1,
+            is_lattice: true,
+        };
+        let layers = |ranks: usize| super::tests::of(&extent, ranks);
+        let alone = layers(1);
+        assert_eq!((alone.own, alone.halo, alone.messages, alone.received), (10_000, 0, 0, 0));
+        let two = layers(2);
+        assert_eq!((two.own, two.halo, two.messages), (5_000, 450, 1));
+        let ten = layers(10);
+        assert_eq!((ten.own, ten.halo, ten.messages, ten.received), (1_000, 900, 2, 24 * 900));
+        assert_eq!(ten.room, 11);
+        // A slab of two layers and a half needs points of two neighbours on each side.
+        assert_eq!(layers(40).messages, 4);
+        assert!(alone.memory_total > two.memory_total && two.memory_total > ten.memory_total);
+        assert!(10 * ten.memory_total > alone.memory_total);
+    }
+
+    /// Of bodies that move.
+    fn of(extent: &Extent, ranks: usize) -> RanksPlan {
+        let text = "[body]\nbox = [[0, 0, 0], [10, 1, 1]]\nspacing = 0.1\n[horizon]\nspacings = 2\n\
+                    [material]\npotential = \"javili2020\"\nparameters = { C1 = 1.0 }\ndensity = 1\n\
+                    [motion]\nend = 1\nstep = 0.1\n";
+        let plan = crate::plan::tests::of_text(text, extent.clone());
+        RanksPlan::new(&plan, extent, (0.2, 0.4, 1), ranks)
+    }
+}

@@ -195,6 +195,9 @@ fn bound(text: &str) -> Result<f64, String> {
 /// More threads than any machine has processors are a mistake.
 const MOST_THREADS: usize = 4096;
 
+/// Most processes that are planned for.
+const MOST_RANKS: usize = 10_000_000;
+
 /// How messages and results are written.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub(crate) enum Format {
@@ -527,6 +530,9 @@ pub(crate) struct Plan {
     /// How many threads will work; all processors if not given
     #[arg(long, value_parser = count::<MOST_THREADS>)]
     pub(crate) threads: Option<usize>,
+    /// What each of so many processes takes, too, where they share the scene (`--petsc`)
+    #[arg(long, value_name = "N", value_parser = count::<MOST_RANKS>)]
+    pub(crate) ranks: Option<usize>,
     /// How the plan is written
     #[arg(long, default_value = "human")]
     pub(crate) format: Format,

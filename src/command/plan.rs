@@ -17,7 +17,10 @@ pub(super) fn execute(arguments: &Plan) -> Exit {
         }
     }
     let planned = scene::with_threads(arguments.threads, || {
-        case.rehearsed_plan(rayon::current_num_threads(), &machine::at_hand())
+        let mut plan = case.rehearsed_plan(rayon::current_num_threads(), &machine::at_hand())?;
+        let over = arguments.ranks.map(|ranks| case.plan_over_ranks(&plan, ranks));
+        plan.ranks = over.transpose()?;
+        Ok(plan)
     });
     let Some(planned) = planned else { return Exit::Input };
     match planned {
@@ -35,7 +38,8 @@ pub(super) fn execute(arguments: &Plan) -> Exit {
             if let Some(failure) = plan.first.as_ref().and_then(|first| first.failure.as_ref()) {
                 render::warning(&format!("the first increment fails: {failure}"));
             }
-            if let Some(refusal) = plan.refusal() {
+            // Many processes are not of this machine alone.
+            if let Some(refusal) = plan.refusal().filter(|_| plan.ranks.is_none()) {
                 render::warning(&format!("{refusal}; `piola run` will refuse unless told --yes"));
             }
             Exit::Done

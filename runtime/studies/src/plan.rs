@@ -8,7 +8,8 @@
 
 mod count;
 mod factor;
-mod families;
+pub(crate) mod families;
+mod ranks;
 mod text;
 mod time;
 
@@ -28,6 +29,7 @@ pub use count::{
 };
 pub use factor::{FactorEstimate, estimate_factor};
 pub use families::Families;
+pub use ranks::RanksPlan;
 pub(crate) use text::bytes as in_bytes;
 pub use time::{Basis, ChangeOver, FirstIncrement, Pace, TimeEstimate};
 
@@ -181,6 +183,9 @@ pub struct Plan {
     /// Of load steps that go by events.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub events: Option<EventPlan>,
+    /// What each of many processes takes, where somebody asked for that.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub ranks: Option<RanksPlan>,
     /// What was seen of the first increment, if it was tried.
     pub first: Option<FirstIncrement>,
     /// What the plan does not know of the body, in sentences.
@@ -270,6 +275,7 @@ impl Plan {
             of_families: !input.families.is_empty(),
             motion,
             events,
+            ranks: None,
             first: None,
             notes,
         }

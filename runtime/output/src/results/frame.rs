@@ -65,30 +65,39 @@ fn joined(pieces: &[ReadFrame]) -> Option<ReadFrame> {
     let mut known = (n <= places.iter().map(Vec::len).sum()).then(|| vec![false; n])?;
     places.iter().flatten().for_each(|place| known[*place] = true);
     known.iter().all(|known| *known).then_some(())?;
-    let whole = |of: &dyn Fn(&ReadFrame) -> Option<(&[f64], usize)>| -> Option<Vec<f64>> {
-        let width = of(&pieces[0])?.1;
-        let mut all = vec![0.0; n * width];
-        for (piece, places) in pieces.iter().zip(&places) {
-            let (rows, own) = of(piece)?;
-            (own == width).then_some(())?;
-            for (row, place) in rows.chunks_exact(width).zip(places) {
-                all[place * width..(place + 1) * width].copy_from_slice(row);
-            }
-        }
-        Some(all)
-    };
     let of_body = pieces[0].arrays.iter().filter(|array| array.name != NUMBERS);
     let arrays = of_body.map(|first| {
-        let values = whole(&|piece| {
-            let array = piece.arrays.iter().find(|array| array.name == first.name)?;
-            Some((&array.values, array.components))
-        })?;
-        Some(Array { name: first.name.clone(), components: first.components, values })
+        let own = |piece: &'_ ReadFrame| piece.arrays.iter().position(|one| one.name == first.name);
+        let all: Vec<&Array> = pieces
+            .iter()
+            .map(|piece| own(piece).map(|number| &piece.arrays[number]))
+            .collect::<Option<_>>()?;
+        let components = first.components;
+        all.iter().all(|array| array.components == components).then_some(())?;
+        let rows = all.iter().map(|array| &array.values[..]);
+        let values = at_places(rows, components, (&places, n));
+        Some(Array { name: first.name.clone(), components, values })
     });
+    let positions = pieces.iter().map(|piece| &piece.positions[..]);
     Some(ReadFrame {
-        positions: whole(&|piece| Some((&piece.positions, 3)))?,
+        positions: at_places(positions, 3, (&places, n)),
         arrays: arrays.collect::<Option<_>>()?,
     })
+}
+
+/// Rows of so many numbers of pieces, at the places of their points among `n`.
+fn at_places<'a>(
+    pieces: impl Iterator<Item = &'a [f64]>,
+    width: usize,
+    (places, n): (&[Vec<usize>], usize),
+) -> Vec<f64> {
+    let mut all = vec![0.0; n * width];
+    for (rows, places) in pieces.zip(places) {
+        for (row, place) in rows.chunks_exact(width).zip(places) {
+            all[place * width..(place + 1) * width].copy_from_slice(row);
+        }
+    }
+    all
 }
 
 /// The positions of a frame and its cells but single points, whole or in pieces.

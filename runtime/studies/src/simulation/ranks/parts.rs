@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use piola_grammar::{Diagnostic, Span, counted};
+use piola_grammar::{Diagnostic, Span};
 use piola_mechanics::assembly::AssemblyError;
 use piola_mechanics::neighborhood::Neighborhood;
 use piola_mechanics::weights::Weights;
@@ -10,13 +10,14 @@ use piola_output::summary::{Number, ProbeSummary};
 use piola_petsc::Engine;
 
 use super::lattice::Layers;
-use super::share::{Share, reach};
+use super::share::Share;
 use super::steps::agreed;
 use crate::case::{Case, CaseError};
 use crate::scene::boundary::BoundaryConditions;
 use crate::scene::selection::{
     PointSet, ProbePoint, Selection, empty_set, nearest, probe_outside, set_of,
 };
+use crate::simulation::forecast::enough_points;
 use crate::simulation::run::RunError;
 
 /// A case of which each rank has its part.
@@ -46,8 +47,8 @@ impl Parts {
             Some(shape) => {
                 let layers = agreed(engine, Layers::count(&outline.scene, shape, engine))?;
                 let n_points = layers.n_points();
-                agreed(engine, enough(n_points, engine))?;
-                let (share, held) = layers.share(reach(&outline), of);
+                agreed(engine, enough_points(n_points, engine.ranks()))?;
+                let (share, held) = layers.share(outline.reach(), of);
                 let slab = layers.slab(&share, held, outline.scene.horizon_radius());
                 let (body, warnings) = agreed(engine, slab)?;
                 let anywhere = |here: bool| anywhere(engine, here);
@@ -57,8 +58,8 @@ impl Parts {
             None => {
                 let whole = agreed(engine, outline.with_points())?;
                 let n_points = whole.body.n_points();
-                agreed(engine, enough(n_points, engine))?;
-                let share = Share::of(&whole.body, reach(&whole), of);
+                agreed(engine, enough_points(n_points, engine.ranks()))?;
+                let share = Share::of(&whole.body, whole.reach(), of);
                 (whole.part(share.held.clone(), share.own.clone()), share, n_points)
             }
         };
@@ -126,17 +127,6 @@ impl Parts {
     pub fn warnings(&self) -> &[Diagnostic] {
         &self.warnings
     }
-}
-
-/// Refuses more ranks than there are points.
-fn enough(n_points: usize, engine: &Engine) -> Result<(), CaseError> {
-    if engine.ranks() <= n_points {
-        return Ok(());
-    }
-    let (points, ranks) = (counted(n_points, "point"), engine.ranks());
-    let message =
-        format!("the body has {points}, too few for {ranks} ranks: start at most {n_points}");
-    Err(CaseError::Body { message })
 }
 
 /// Whether something is so on any rank. Collective.

@@ -3,9 +3,6 @@
 use std::ops::Range;
 
 use piola_mechanics::body::Body;
-use piola_mechanics::weights::Weights;
-
-use crate::case::Case;
 
 /// Distances are compared with this part of themselves to spare: a point more in a halo does no harm.
 pub(super) const MARGIN: f64 = 1e-6;
@@ -52,25 +49,6 @@ impl Share {
         let numbers = (self.held.start..self.own.start).chain(self.own.end..self.held.end);
         numbers.map(|point| point as u64).collect()
     }
-}
-
-/// How far away points are on which the force on a point depends, in m.
-///
-/// An interaction is of points within the horizon of one another. Where interactions are corrected or weighted by what
-/// surrounds their points it is that which lies a horizon further. What a family gathers is felt by its members, and energies of bonds
-/// take what both ends gather: three horizons.
-pub(super) fn reach(case: &Case) -> f64 {
-    let horizon = case.scene.horizon_radius();
-    let horizons = if case.potentials.iter().any(|potential| potential.has_families()) {
-        3.0
-    } else if case.scene.horizon.correction_span.is_some()
-        || case.scene.horizon.weights == Weights::Truncated
-    {
-        2.0
-    } else {
-        1.0
-    };
-    horizons * horizon
 }
 
 #[cfg(test)]

@@ -283,3 +283,31 @@ fn a_plan_says_that_the_first_increment_fails() {
     plan.says(&["the first increment fails: no equilibrium at t = ", "no convergence in 1 iter"]);
     folder.run(&settings).expect(3);
 }
+
+/// What each of many processes takes is said without a point, and without a word about this machine.
+#[test]
+fn a_plan_for_many_ranks_is_of_the_largest() {
+    let folder = cube(0.002);
+    let of = |ranks: &str, format: &str| {
+        let words = ["plan", &folder.scene(), "--ranks", ranks, "--format", format];
+        piola(&words).expect(0)
+    };
+    let plan = of("50", "json");
+    assert!(!plan.stderr.contains("refuse"), "{}", plan.stderr);
+    let ranks = &plan.json()["ranks"];
+    // Ten layers of 500 x 500 points; three before and behind, and what is left of two layers that are cut.
+    assert_eq!(number(&ranks["own"]), 10.0 * 250_000.0);
+    assert_eq!(number(&ranks["halo"]), 7.0 * 250_000.0);
+    assert_eq!(number(&ranks["received"]), 24.0 * number(&ranks["halo"]));
+    assert_eq!((number(&ranks["messages"]), number(&ranks["room"])), (2.0, 71.0));
+    let items = ranks["memory"].as_array().unwrap().iter();
+    let sum = items.fold(0.0, |sum, item| sum + number(&item["bytes"]));
+    assert_eq!(sum, number(&ranks["memory_total"]));
+    let text = of("100", "human").stdout;
+    for said in ["each of 100 ranks", "matrix of PETSc", "more than 71 own less than they hold"] {
+        assert!(text.contains(said), "{said}: {text}");
+    }
+    let few = cube(0.125);
+    let words = ["plan", &few.scene(), "--ranks", "1000"];
+    piola(&words).expect(2).says(&["512 points", "too few for 1000 ranks"]);
+}

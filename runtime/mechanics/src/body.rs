@@ -152,6 +152,11 @@ impl Body {
         self.slab.as_ref().is_some_and(|slab| slab.is_cut[point])
     }
 
+    /// Whether it is no slab of another body.
+    pub fn is_whole(&self) -> bool {
+        self.slab.is_none()
+    }
+
     /// The points that count where energies and interactions are added up: all, but for a slab its own.
     pub fn counted(&self) -> Range<usize> {
         self.slab.as_ref().map_or(0..self.n_points(), |slab| slab.own.clone())

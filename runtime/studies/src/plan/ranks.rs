@@ -4,6 +4,9 @@ use serde::Serialize;
 
 use super::{Extent, MemoryItem, Plan, blocks, matrix_bytes, total};
 
+/// Distances are compared with this part of themselves to spare, as runs do it.
+const MARGIN: f64 = 1e-6;
+
 /// Memory of a process with MPI and PETSc before it has read a scene, in bytes.
 pub(super) const PROGRAM: &str = "45 MB";
 
@@ -33,8 +36,8 @@ pub struct RanksPlan {
     pub memory: Vec<MemoryItem>,
     /// All items together, in bytes.
     pub memory_total: u64,
-    /// Bytes that it receives whenever displacements are brought: once a step of a motion, once an evaluation of forces
-    /// or tangent in load steps.
+    /// Bytes that it receives whenever displacements are brought, and velocities where bonds dissipate: once a step of a
+    /// motion, once an evaluation of forces or tangent in load steps.
     pub received: u64,
     /// From how many others these come.
     pub messages: usize,
@@ -44,18 +47,19 @@ pub struct RanksPlan {
 
 impl RanksPlan {
     /// Of a body and its plan for one process. Forces depend on points as far as `reach`, and the tangent couples points
-    /// over so many bonds, `coupled`; lengths in m.
+    /// over so many bonds, `coupled`; lengths in m. What dissipates needs velocities besides displacements.
     pub(crate) fn new(
         plan: &Plan,
         extent: &Extent,
         (horizon, reach, coupled): (f64, f64, usize),
+        dissipates: bool,
         ranks: usize,
     ) -> RanksPlan {
         let (n, d) = (extent.points, extent.dimension);
         let own = n.div_ceil(ranks);
         let longest = extent.sides.iter().fold(1.0_f64, |most, side| most.max(*side));
         // A cut is in the middle of a layer, whose rest belongs to the halo.
-        let deep = ((reach / extent.spacing).floor() + 0.5) * n as f64 / longest;
+        let deep = ((reach * (1.0 + MARGIN) / extent.spacing).floor() + 0.5) * n as f64 / longest;
         let sides = ranks.saturating_sub(1).min(2);
         let halo = ((sides as f64 * deep) as usize).min(n - own);
         let share = (own + halo) as f64 / n.max(1) as f64;
@@ -69,7 +73,7 @@ impl RanksPlan {
             halo,
             memory_total: total(&memory),
             memory,
-            received: (8 * d * halo) as u64,
+            received: (8 * d * halo * if dissipates { 2 } else { 1 }) as u64,
             messages: (sides * across).min(ranks - 1),
             room: ((n as f64 / (2.0 * deep)) as usize).max(1),
         }

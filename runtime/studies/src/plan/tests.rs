@@ -495,7 +495,7 @@ fn processes_share_a_body() {
     let moved = scene("density = 1\n[motion]\nend = 1\nstep = 0.1\n");
     for scene in [steps, moved] {
         let plan = plan_of(body.clone(), &scene, None);
-        let of = |ranks: usize| RanksPlan::new(&plan, &extent, (0.2, 0.4, 1), ranks);
+        let of = |ranks: usize| RanksPlan::new(&plan, &extent, (0.2, 0.4, 1), false, ranks);
         let alone = of(1);
         assert_eq!((alone.own, alone.halo, alone.messages, alone.received), (10_000, 0, 0, 0));
         let two = of(2);

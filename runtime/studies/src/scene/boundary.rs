@@ -236,7 +236,7 @@ fn idle_loads(
         let first = *on_fixed.next().filter(|_| !component.value.is_zero())?;
         let points = match 1 + on_fixed.count() {
             1 => "1 point".into(),
-            count if count == set.points.len() => "all points".into(),
+            count if count == set.points.len() && body.is_whole() => "all points".into(),
             count => format!("{count} points"),
         };
         let axis = AXES[axis];

@@ -95,6 +95,16 @@ pub fn kept(
     volumes: &[f64],
     spacing: Option<f64>,
 ) -> Result<Kept, SceneReport> {
+    kept_of(scene, (positions, positions), volumes, spacing)
+}
+
+/// The same of some points of a body; the others of `all` are at its ends.
+pub(crate) fn kept_of(
+    scene: &Scene,
+    (positions, all): (&[f64], &[f64]),
+    volumes: &[f64],
+    spacing: Option<f64>,
+) -> Result<Kept, SceneReport> {
     let dimension = scene.body.dimension;
     let spacing = typical_spacing(dimension, volumes, spacing);
     let mut keep = vec![true; volumes.len()];
@@ -108,7 +118,7 @@ pub fn kept(
             let message = "this condition removes no point";
             warnings.push(
                 Diagnostic::warning("idle-entry", condition.span, message)
-                    .help(ranges(positions, dimension)),
+                    .help(ranges(all, dimension)),
             );
         }
         let place = "of what is removed";
@@ -118,7 +128,7 @@ pub fn kept(
     if keep.contains(&true) {
         return Ok(Kept { keep, warnings });
     }
-    Err(nothing_left(scene, positions))
+    Err(nothing_left(scene, all))
 }
 
 /// Every point is removed; `positions` are of all, or of those farthest apart.

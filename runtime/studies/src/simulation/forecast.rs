@@ -185,7 +185,9 @@ impl Case {
         enough_points(extent.points, ranks)?;
         let coupled = families::reach(&self.families(&self.compile()?));
         let lengths = (self.scene.horizon_radius(), self.reach(), coupled);
-        Ok(RanksPlan::new(plan, &extent, lengths, ranks))
+        let dissipates = |potential: &Potential| !potential.model.dissipations().is_empty();
+        let dissipates = self.potentials.iter().any(dissipates);
+        Ok(RanksPlan::new(plan, &extent, lengths, dissipates, ranks))
     }
 
     /// How far away points are on which the force on a point depends, in m.

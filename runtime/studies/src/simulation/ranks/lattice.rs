@@ -9,7 +9,7 @@ use piola_petsc::Engine;
 
 use super::share::{MARGIN, Share};
 use crate::case::{CaseError, size};
-use crate::scene::selection::{kept, nothing_left};
+use crate::scene::selection::{kept_of, nothing_left};
 use crate::scene::{LatticeShape, Scene};
 
 /// A body differs in length along two axes where one is longer by this part, as [`Body::new`] has it.
@@ -52,13 +52,7 @@ impl<'a> Layers<'a> {
             layers.left = layers.counted(engine);
         }
         if layers.left[0].iter().all(|left| *left == 0) {
-            let d = layers.counts.len();
-            let end = |k: usize| {
-                let (axis, last) = (k % d, layers.counts[k % d] - 1);
-                layers.lattice.coordinate(axis, if k < d { 0 } else { last })
-            };
-            let ends: Vec<f64> = (0..2 * d).map(end).collect();
-            return Err(nothing_left(scene, &ends).into());
+            return Err(nothing_left(scene, &layers.ends()).into());
         }
         for axis in 1..layers.counts.len() {
             if layers.extent(axis) > layers.extent(layers.axis) * LONGER {
@@ -79,13 +73,11 @@ impl<'a> Layers<'a> {
 
     /// What is left in each layer along each axis, of which each rank looks at a part. Collective.
     fn counted(&self, engine: &Engine) -> Vec<Vec<usize>> {
-        let (n, rank, ranks) = (self.counts[0], engine.rank(), engine.ranks());
+        let (n, rank, ranks) = (self.n_rows(), engine.rank(), engine.ranks());
         let mut numbers: Vec<Vec<f64>> = self.counts.iter().map(|n| vec![0.0; *n]).collect();
-        for first in n * rank / ranks..n * (rank + 1) / ranks {
-            let mut places: Vec<Range<usize>> = self.counts.iter().map(|n| 0..*n).collect();
-            places[0] = first..first + 1;
-            let block = self.lattice.block(&self.counts, &places);
-            for (point, is_left) in self.is_left(&block).into_iter().enumerate() {
+        for row in n * rank / ranks..n * (rank + 1) / ranks {
+            let (places, is_left) = self.row(row);
+            for (point, is_left) in is_left.into_iter().enumerate() {
                 for (axis, place) in places_of(point, &places).into_iter().enumerate() {
                     numbers[axis][place] += f64::from(is_left);
                 }
@@ -94,6 +86,32 @@ impl<'a> Layers<'a> {
         numbers.iter_mut().for_each(|numbers| engine.sum(numbers));
         let count = |numbers: Vec<f64>| numbers.into_iter().map(|n| n as usize).collect();
         numbers.into_iter().map(count).collect()
+    }
+
+    /// Two corners of the box, where its outermost points are.
+    fn ends(&self) -> Vec<f64> {
+        let d = self.counts.len();
+        let end = |k: usize| {
+            let (axis, last) = (k % d, self.counts[k % d] - 1);
+            self.lattice.coordinate(axis, if k < d { 0 } else { last })
+        };
+        (0..2 * d).map(end).collect()
+    }
+
+    /// How many rows along the last axis the box has.
+    fn n_rows(&self) -> usize {
+        self.counts[..self.counts.len() - 1].iter().product()
+    }
+
+    /// Where a row is, in the user's order of rows, and which of its points are left.
+    fn row(&self, row: usize) -> (Vec<Range<usize>>, Vec<bool>) {
+        let last = self.counts.len() - 1;
+        let rows: Vec<Range<usize>> = self.counts[..last].iter().map(|n| 0..*n).collect();
+        let mut places: Vec<Range<usize>> =
+            places_of(row, &rows).into_iter().map(|place| place..place + 1).collect();
+        places.push(0..self.counts[last]);
+        let is_left = self.is_left(&self.lattice.block(&self.counts, &places));
+        (places, is_left)
     }
 
     /// Which points of a block are left.
@@ -147,12 +165,15 @@ impl<'a> Layers<'a> {
         horizon: f64,
     ) -> Result<(Body, Vec<Diagnostic>), CaseError> {
         let (d, axis) = (self.counts.len(), self.axis);
-        size::check_points(share.held.len() as f64, d, "of a rank")?;
         let mut places: Vec<Range<usize>> = self.counts.iter().map(|n| 0..*n).collect();
         places[axis] = layers.clone();
+        // Those that are removed are looked at, too.
+        let looked_at = places.iter().map(|places| places.len() as f64).product();
+        size::check_points(looked_at, d, "of the layers of a rank")?;
         let block = self.lattice.block(&self.counts, &places);
         let spacing = Some(self.lattice.spacing);
-        let kept = kept(self.scene, &block.positions, &block.volumes, spacing)?;
+        let positions = (&block.positions[..], &self.ends()[..]);
+        let kept = kept_of(self.scene, positions, &block.volumes, spacing)?;
         let numbers = self.numbers(&places, &kept.keep);
         // Sorted by layers, in each in the user's order.
         let mut order: Vec<usize> =
@@ -194,14 +215,12 @@ impl<'a> Layers<'a> {
             });
             return numbered.collect();
         }
-        // Of all that is before a point it must be known whether it is left: looked at layer by layer.
+        // Of all that is before a point it must be known whether it is left: looked at row by row.
         let mut numbers = Vec::with_capacity(keep.len());
         let mut next = 0;
-        for first in 0..self.counts[0] {
-            let mut all: Vec<Range<usize>> = self.counts.iter().map(|n| 0..*n).collect();
-            all[0] = first..first + 1;
-            let block = self.lattice.block(&self.counts, &all);
-            for (point, is_left) in self.is_left(&block).into_iter().enumerate() {
+        for row in 0..self.n_rows() {
+            let (all, is_left) = self.row(row);
+            for (point, is_left) in is_left.into_iter().enumerate() {
                 if places[self.axis].contains(&places_of(point, &all)[self.axis]) {
                     numbers.push(next);
                 }

@@ -1,9 +1,11 @@
 //! A case of which each rank has its part: points, materials, sets.
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use piola_grammar::{Diagnostic, Span};
 use piola_mechanics::assembly::AssemblyError;
+use piola_mechanics::body::Body;
 use piola_mechanics::neighborhood::Neighborhood;
 use piola_mechanics::weights::Weights;
 use piola_output::summary::{Number, ProbeSummary};
@@ -31,13 +33,15 @@ pub struct Parts {
     pub(super) selection: Selection,
     /// Where probes are.
     pub(super) probes: Vec<ProbeSummary>,
+    /// Whether the points are of a mesh, whose cells rank 0 has.
+    pub(super) is_mesh: bool,
     /// What to know before the run.
     warnings: Vec<Diagnostic>,
 }
 
 impl Parts {
-    /// Reads the points of a case without points. Of a lattice each rank makes its part; of clouds and meshes, of lattices
-    /// whose sets stand in files or whose parameters vary, it reads the whole and keeps its part. Collective.
+    /// Reads the points of a case without points. Of a lattice each rank makes its part; of clouds and meshes, and of
+    /// lattices whose sets stand in files or whose parameters vary in place or time, it reads the whole and keeps its part. Collective.
     ///
     /// # Errors
     /// On all ranks what is wrong with points and sets; more ranks than points.
@@ -75,10 +79,12 @@ impl Parts {
         if case.scene.horizon.weights == Weights::Truncated {
             know_most_neighbors(&mut case, &share, engine)?;
         }
+        let is_mesh = case.mesh.is_some();
+        case.mesh = case.mesh.filter(|_| engine.rank() == 0);
         let mut warnings = std::mem::take(&mut case.warnings);
         let (scene, body, own) = (&case.scene, case.body.as_ref(), share.own_of_held());
         let (mut sets, mut errors) = (Vec::new(), Vec::new());
-        let ends = ends(&case, &share, engine);
+        let ends = ends(body, own.clone(), engine);
         for number in 0..scene.sets.len() {
             let (set, warning) = set_of(scene, body, number);
             warnings.extend(warning);
@@ -114,7 +120,7 @@ impl Parts {
         let idle = agreed(engine, conditions.map(|one| one.warnings).map_err(CaseError::from))?;
         warnings.extend(idle);
         let warnings = of_all(engine, warnings);
-        Ok(Parts { case, share, n_points, selection, probes: told, warnings })
+        Ok(Parts { case, share, n_points, selection, probes: told, is_mesh, warnings })
     }
 
     /// The case of what this rank holds.
@@ -145,12 +151,13 @@ fn know_most_neighbors(case: &mut Case, share: &Share, engine: &Engine) -> Resul
     Ok(())
 }
 
-/// Two corners of the box around the body. Collective.
-fn ends(case: &Case, share: &Share, engine: &Engine) -> Vec<f64> {
-    let d = case.body.dimension();
+/// The lowest coordinates of all points of a body, and behind them the highest, in m; `own` are those of this rank.
+/// Collective.
+pub(super) fn ends(body: &Body, own: Range<usize>, engine: &Engine) -> Vec<f64> {
+    let d = body.dimension();
     let mut ends = vec![f64::NEG_INFINITY; 2 * d];
-    for point in share.own_of_held() {
-        for (axis, x) in case.body.position(point).iter().enumerate() {
+    for point in own {
+        for (axis, x) in body.position(point).iter().enumerate() {
             ends[axis] = ends[axis].max(-x);
             ends[d + axis] = ends[d + axis].max(*x);
         }
@@ -169,14 +176,16 @@ fn nearest_of_all(
     engine: &Engine,
 ) -> ((usize, f64), Vec<f64>) {
     // A point of the halo is its owner's, too, and found there.
-    let (point, distance) = nearest(&case.body, place);
+    let (point, _) = nearest(&case.body, place);
     let user = u64::from(case.body.user_index()[point]);
-    // Numbers that are not negative are in the order of their bits.
-    let all = engine.all_gather(distance.to_bits());
+    // Squares decide, as where all points are there; numbers that are not negative are in the order of their bits.
+    let square: f64 =
+        case.body.position(point).iter().zip(place).map(|(x, y)| (x - y) * (x - y)).sum();
+    let all = engine.all_gather(square.to_bits());
     let (least, users) = (all.iter().min().copied(), engine.all_gather(user));
     let first = all.iter().zip(&users).filter(|(bits, _)| Some(**bits) == least);
     let first = first.map(|(_, user)| *user).min();
-    let is_mine = Some(distance.to_bits()) == least && Some(user) == first;
+    let is_mine = Some(square.to_bits()) == least && Some(user) == first;
     let numbers =
         engine.all_gather(if is_mine { (share.held.start + point) as u64 } else { u64::MAX });
     let number = numbers.into_iter().min().unwrap_or(0) as usize;
@@ -185,7 +194,7 @@ fn nearest_of_all(
         found.copy_from_slice(case.body.position(point));
     }
     engine.max(&mut found);
-    ((number, f64::from_bits(least.unwrap_or(0))), found)
+    ((number, f64::from_bits(least.unwrap_or(0)).sqrt()), found)
 }
 
 /// Warnings that some ranks may have and others not: of where points are.

@@ -11,7 +11,7 @@ use piola_output::table::write_displacement_of;
 use piola_output::{Frame, OutputError, OutputFolder, PointField, Points};
 use piola_petsc::{Engine, EngineError, Halo};
 
-use super::parts::Parts;
+use super::parts::{Parts, ends};
 use super::share::Share;
 use super::steps::{agreed, lost};
 use crate::scene::selection::Selection;
@@ -88,17 +88,19 @@ impl<'a> View<'a> {
     ) -> Result<View<'a>, RunError> {
         let (case, n_points) = (&parts.case, parts.n_points);
         let body = case.body.as_ref();
-        let stride = if case.mesh.is_some() { 1 } else { stride(n_points, body) };
         let own = share.own_of_held();
-        let is_shown = shown(engine, body, own.clone(), stride);
+        let ends = ends(body, own.clone(), engine);
+        let (low, high) = ends.split_at(body.dimension());
+        let stride = if parts.is_mesh { 1 } else { stride(n_points, body, (low, high)) };
+        let is_shown = shown(body, low, stride);
         let shown: Vec<usize> = own.filter(|point| is_shown(*point)).collect();
         let held = held(body, fixed);
         let sketch = sketch(engine, (body, &shown), (&parts.selection, &held), stride);
         let mesh = case.mesh.clone();
         let sketch = sketch.map(|one| Sketch { points: one.points.with_mesh(mesh), ..one });
-        let pieces = match case.mesh {
-            Some(_) => None,
-            None => Some(Pieces::new((engine, share), body, &held, folder).map_err(lost)?),
+        let pieces = match parts.is_mesh {
+            true => None,
+            false => Some(Pieces::new((engine, share), body, &held, folder).map_err(lost)?),
         };
         Ok(View { engine, body, share, n_points, shown, sketch, pieces })
     }
@@ -249,28 +251,23 @@ fn named(mut frame: Frame, d: usize) -> Frame {
     frame
 }
 
-/// How many points of a lattice along each axis are shown as one, or how many of a cloud.
-fn stride(n_points: usize, body: &Body) -> usize {
-    let axes = if body.spacing().is_some() { body.dimension() as u32 } else { 1 };
-    (1..).find(|stride: &usize| n_points / stride.pow(axes) <= MOST_SHOWN).unwrap_or(1)
+/// Every which point of a lattice along each axis is shown, or of a cloud.
+fn stride(n_points: usize, body: &Body, (low, high): (&[f64], &[f64])) -> usize {
+    let Some(spacing) = body.spacing() else { return n_points.div_ceil(MOST_SHOWN).max(1) };
+    let counts = || low.iter().zip(high).map(|(low, high)| ((high - low) / spacing).round() + 1.0);
+    // Of a body that fills its box; others have fewer.
+    let filled = n_points as f64 / counts().product::<f64>();
+    let left = |stride: usize| -> f64 {
+        counts().map(|count| (count / stride as f64).ceil()).product::<f64>() * filled
+    };
+    (1..=n_points).find(|stride| left(*stride) <= MOST_SHOWN as f64).unwrap_or(1)
 }
 
-/// Whether a point is in the picture. Collective.
-fn shown(
-    engine: &Engine,
-    body: &Body,
-    own: std::ops::Range<usize>,
-    stride: usize,
-) -> impl Fn(usize) -> bool {
-    let d = body.dimension();
-    let mut low = vec![f64::NEG_INFINITY; d];
-    for point in own {
-        low.iter_mut().zip(body.position(point)).for_each(|(low, x)| *low = low.max(-x));
-    }
-    engine.max(&mut low);
+/// Whether a point is in the picture; `low` are the lowest coordinates of the body.
+fn shown(body: &Body, low: &[f64], stride: usize) -> impl Fn(usize) -> bool {
     move |point| match body.spacing() {
-        Some(spacing) => body.position(point).iter().zip(&low).all(|(x, low)| {
-            let place = ((x + low) / spacing).round();
+        Some(spacing) => body.position(point).iter().zip(low).all(|(x, low)| {
+            let place = ((x - low) / spacing).round();
             place % stride as f64 == 0.0
         }),
         None => (body.user_index()[point] as usize).is_multiple_of(stride),
@@ -293,8 +290,8 @@ fn sketch(
     stride: usize,
 ) -> Option<Sketch> {
     let (d, sets) = (body.dimension(), &selection.sets);
-    let axes = if body.spacing().is_some() { d as i32 } else { 1 };
-    let share = libm::pow(stride as f64, f64::from(axes));
+    let axes = if body.spacing().is_some() { d } else { 1 };
+    let share = libm::pow(stride as f64, axes as f64);
     let mut own = Vec::new();
     for &point in shown {
         own.push(f64::from(body.user_index()[point]));

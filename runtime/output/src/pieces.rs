@@ -26,7 +26,8 @@ pub struct Piece {
 }
 
 impl Piece {
-    /// Writes a frame of it, with values of all its points, into the folder of a run that another process may hold.
+    /// Writes a frame of it, with values of all its points, into the folder of a run that another process may hold: by
+    /// the number of the frame and that of the piece.
     ///
     /// # Errors
     /// A folder that this process does not see; a file that cannot be written.

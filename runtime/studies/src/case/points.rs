@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use piola_grammar::{Diagnostic, suggest};
 use piola_mechanics::body::Body;
-use piola_mechanics::lattice::{Lattice, Nodes};
+use piola_mechanics::lattice::Nodes;
 use piola_meshes::stl::Filling;
 use piola_meshes::{Mesh, MeshPoints, Place, Shape, abaqus, cloud, gmsh, stl};
 use piola_output::mesh as output;
@@ -127,13 +127,7 @@ pub(super) fn fill(scene: &mut Scene, folder: &Path) -> Result<Filled, CaseError
 
 fn of_lattice(shape: &LatticeShape) -> Result<Listed, CaseError> {
     size::check_lattice(shape)?;
-    let lattice = Lattice {
-        lower: shape.low.clone(),
-        upper: shape.high.clone(),
-        spacing: shape.spacing,
-        nodes: shape.nodes,
-    };
-    let points = lattice.points()?;
+    let points = shape.lattice().points()?;
     let (positions, volumes) = (points.positions, points.volumes);
     let spacing = Some(shape.spacing);
     Ok(Listed { positions, volumes, spacing, groups: Groups::None, warnings: Vec::new() })

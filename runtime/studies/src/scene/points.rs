@@ -1,5 +1,6 @@
 //! `[body]`: where points come from.
 
+use piola_mechanics::lattice::Lattice;
 use piola_mechanics::words::Words;
 
 use super::{Expression, Located, Nodes};
@@ -108,6 +109,16 @@ pub struct LatticeShape {
 }
 
 impl LatticeShape {
+    /// The box on its lattice, which may still be none.
+    pub(crate) fn lattice(&self) -> Lattice {
+        Lattice {
+            lower: self.low.clone(),
+            upper: self.high.clone(),
+            spacing: self.spacing,
+            nodes: self.nodes,
+        }
+    }
+
     /// How many cells lie along each axis.
     pub fn cells(&self) -> impl Iterator<Item = f64> {
         let sides = self.low.iter().zip(&self.high);

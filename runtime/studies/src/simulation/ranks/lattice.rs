@@ -37,12 +37,7 @@ impl<'a> Layers<'a> {
         shape: &LatticeShape,
         engine: &Engine,
     ) -> Result<Layers<'a>, CaseError> {
-        let lattice = Lattice {
-            lower: shape.low.clone(),
-            upper: shape.high.clone(),
-            spacing: shape.spacing,
-            nodes: shape.nodes,
-        };
+        let lattice = shape.lattice();
         let counts = lattice.counts()?;
         let total: usize = counts.iter().product();
         let full = |count: &usize| vec![total / count; *count];

@@ -41,7 +41,8 @@ pub struct Parts {
 
 impl Parts {
     /// Reads the points of a case without points. Of a lattice each rank makes its part; of clouds and meshes, and of
-    /// lattices whose sets stand in files or whose parameters vary in place or time, it reads the whole and keeps its part. Collective.
+    /// lattices whose sets stand in files or whose parameters vary in place or time, it reads the whole and keeps its
+    /// part. Collective.
     ///
     /// # Errors
     /// On all ranks what is wrong with points and sets; more ranks than points.
@@ -128,8 +129,8 @@ impl Parts {
         &self.case
     }
 
-    /// What to know before the run; spans as in [`crate::scene::Scene::report`]. Counts of points are those of the first rank that
-    /// has something to say.
+    /// What to know before the run; spans as in [`crate::scene::Scene::report`]. Counts of points are those of the first
+    /// rank that has something to say.
     pub fn warnings(&self) -> &[Diagnostic] {
         &self.warnings
     }
@@ -167,8 +168,8 @@ pub(super) fn ends(body: &Body, own: Range<usize>, engine: &Engine) -> Vec<f64> 
     ends
 }
 
-/// The point of the body that is next to a place, by its number in the body, how far it is in m, and where; of several the one that the
-/// user listed first. Collective.
+/// The point of the body that is next to a place: its number in the body, how far it is in m, and where; of several the
+/// one that the user listed first. Collective.
 fn nearest_of_all(
     case: &Case,
     share: &Share,

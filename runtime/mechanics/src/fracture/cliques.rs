@@ -42,6 +42,11 @@ impl CliqueCriteria {
         self.kinds.is_empty()
     }
 
+    /// The triangles, or the tetrahedra, where these have criteria.
+    pub(super) fn of(&self, measure: Measure) -> Option<&OfOwners> {
+        self.kinds.iter().map(|kind| &kind.cliques).find(|cliques| cliques.measure == measure)
+    }
+
     /// The measures that have criteria, with the numbers of their cliques.
     pub(super) fn kinds(&self) -> impl Iterator<Item = (Measure, &Ranks)> {
         self.kinds.iter().map(|kind| (kind.cliques.measure, &kind.cliques.ranks))

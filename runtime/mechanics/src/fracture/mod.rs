@@ -9,6 +9,8 @@
 //! | `fields` | which bonds break by deformation gradients, and by what points gather |
 //! | `walk` | what is left of triangles and tetrahedra, shown to both |
 //! | `inspect` | what there is to see: damage (`damage`), states at points (`means`), single bonds ([`Inspection`]) |
+//! | `present` | energy, forces and tangent of what is left |
+//! | `listed` | all that has numbers, with its points |
 //! | `joined` | what holds points together where only triangles and tetrahedra have energies |
 //! | [`crack`] | which bonds a crack cuts that is there from the start |
 //!
@@ -28,8 +30,10 @@ mod equilibria;
 mod fields;
 mod inspect;
 mod joined;
+mod listed;
 mod means;
 pub mod memory;
+mod present;
 mod release;
 mod states;
 mod walk;
@@ -39,12 +43,11 @@ use std::sync::{Arc, OnceLock, PoisonError, RwLock, RwLockReadGuard, RwLockWrite
 
 use crate::body::Body;
 use crate::dissipation::Dashpots;
-use crate::energy::{
-    Dissipation, Energy, Hessian, Inversion, NonFinite, Products, Term, Total, Wanted,
-};
-use crate::interaction::{Inverted, Lost, Ranks, Report, n_neighbors};
+use crate::energy::{Energy, NonFinite, Term, Total};
+use crate::interaction::{Lost, Ranks, n_neighbors};
 use crate::kernel::Measure;
-use crate::matrix::{BlockMatrix, BlockPattern};
+use crate::materials::StateOf;
+use crate::matrix::BlockPattern;
 use crate::neighborhood::Neighborhood;
 use criteria::Criteria;
 pub use criteria::Judged;
@@ -55,6 +58,7 @@ pub use fields::{Asked, FamilyCriterion, FamilyNextState};
 use inspect::Inspected;
 pub use inspect::{Inspection, Look, OnThreshold};
 use memory::Memory;
+use present::Damping;
 pub use release::{Held, Interactions, Release};
 
 /// Triangles and tetrahedra, in the order of [`Interactions::cliques`].
@@ -109,6 +113,14 @@ pub trait Fracture: Inspection {
 
     /// What is remembered, in SI units: state by state, of each all that remember it in their order.
     fn states(&self) -> Vec<f64>;
+
+    /// What remembers each of these states.
+    fn remembering(&self) -> Vec<StateOf>;
+
+    /// Shows all bonds, triangles or tetrahedra that have numbers, ascending, with their points: the owner, which is the
+    /// lowest, and behind it the others, in lexicographic order. Of triangles and tetrahedra those have numbers that have
+    /// criteria of their own, or remember.
+    fn each(&self, measure: Measure, see: &mut dyn FnMut(usize, &[usize]));
 
     /// Gives back what [`Fracture::states`] told, and says nothing of energies.
     fn remember(&self, states: &[f64]);
@@ -385,6 +397,14 @@ impl Fracture for Breaking {
         self.memory.all()
     }
 
+    fn remembering(&self) -> Vec<StateOf> {
+        (0..self.memory.n_states()).filter_map(|number| self.memory.kind_of(number)).collect()
+    }
+
+    fn each(&self, measure: Measure, see: &mut dyn FnMut(usize, &[usize])) {
+        self.list(measure, see);
+    }
+
     fn remember(&self, states: &[f64]) {
         self.memory.set_all(states);
     }
@@ -465,130 +485,6 @@ impl Fracture for Breaking {
         status.energy.lose_cliques(measure, ranks, numbers);
         if let Some(lost) = &mut status.lost {
             lost.lose_cliques(n_neighbors(measure), ranks, numbers);
-        }
-    }
-}
-
-impl Energy for Breaking {
-    fn dimension(&self) -> usize {
-        self.body.dimension()
-    }
-
-    fn counted(&self) -> Range<usize> {
-        self.body.counted()
-    }
-
-    fn positions(&self) -> &[f64] {
-        self.body.positions()
-    }
-
-    fn parts(&self) -> &Arc<[String]> {
-        &self.names
-    }
-
-    fn report(&self) -> Report {
-        self.now().energy.report()
-    }
-
-    fn pattern(&self) -> &Arc<BlockPattern> {
-        self.pattern.get_or_init(|| Arc::clone(self.now().energy.pattern()))
-    }
-
-    fn bond_pattern(&self) -> Option<&Arc<BlockPattern>> {
-        self.bond_pattern.get_or_init(|| self.now().energy.bond_pattern().cloned()).as_ref()
-    }
-
-    fn springs(&self, u: &[f64], springs: &mut BlockMatrix) {
-        self.springs_of_whole(u, springs);
-    }
-
-    fn products(&self) -> Products {
-        self.now().energy.products()
-    }
-
-    fn has_quick_products(&self) -> bool {
-        self.now().energy.has_quick_products()
-    }
-
-    fn evaluate(&self, u: &[f64], wanted: Wanted<'_>, parts: &mut [f64]) -> Result<(), NonFinite> {
-        self.now().energy.evaluate(u, wanted, parts)
-    }
-
-    fn shares(&self, u: &[f64], shares: &mut [f64]) -> Result<(), NonFinite> {
-        self.now().energy.shares(u, shares)
-    }
-
-    fn shares_of(&self, part: usize, u: &[f64], shares: &mut [f64]) -> Result<(), NonFinite> {
-        self.now().energy.shares_of(part, u, shares)
-    }
-
-    fn virials(&self, u: &[f64], virials: &mut [f64]) -> Result<(), NonFinite> {
-        self.now().energy.virials(u, virials)
-    }
-
-    fn displacement_gradients(&self, u: &[f64]) -> Option<Vec<f64>> {
-        self.now().energy.displacement_gradients(u)
-    }
-
-    fn stretches_across(&self, gradients: &[f64]) -> Option<Vec<f64>> {
-        self.now().energy.stretches_across(gradients)
-    }
-
-    fn hessian(&self, u: &[f64]) -> Result<Box<dyn Hessian + '_>, NonFinite> {
-        Ok(Box::new(AtPresent { energy: self, u: u.to_vec() }))
-    }
-
-    fn first_inversion(&self, u: &[f64], step: &[f64]) -> Option<Inversion> {
-        self.now().energy.first_inversion(u, step)
-    }
-
-    fn inverted(&self, u: &[f64]) -> Inverted {
-        self.now().energy.inverted(u)
-    }
-
-    fn singular(&self) -> Vec<usize> {
-        self.now().energy.singular()
-    }
-
-    fn fracture(&self) -> Option<&dyn Fracture> {
-        Some(self)
-    }
-
-    fn dissipation(&self) -> Option<&dyn Dissipation> {
-        self.dissipation.as_ref().map(|own| own as &dyn Dissipation)
-    }
-}
-
-/// What bonds dissipate that are not broken.
-struct Damping {
-    dashpots: Dashpots,
-    status: Arc<RwLock<Status>>,
-}
-
-impl Dissipation for Damping {
-    fn forces(&self, u: &[f64], v: &[f64], forces: &mut [f64]) -> Result<(), NonFinite> {
-        let Status { is_broken, .. } = &*now(&self.status);
-        self.dashpots.forces_of((u, v), |bond| is_broken[bond], forces)
-    }
-
-    fn viscosity(&self, u: &[f64], v: &[f64]) -> Result<Box<dyn Hessian + '_>, NonFinite> {
-        let Status { is_broken, .. } = &*now(&self.status);
-        Ok(Box::new(self.dashpots.viscosity_of((u, v), |bond| is_broken[bond])?))
-    }
-}
-
-/// The Hessian at the present status.
-struct AtPresent<'a> {
-    energy: &'a Breaking,
-    /// Displacements, `n x d`, in m.
-    u: Vec<f64>,
-}
-
-impl Hessian for AtPresent<'_> {
-    fn multiply(&self, p: &[f64], product: &mut [f64]) {
-        match self.energy.now().energy.hessian(&self.u) {
-            Ok(hessian) => hessian.multiply(p, product),
-            Err(_) => product.fill(f64::NAN),
         }
     }
 }

@@ -33,15 +33,18 @@ impl<O: Others> Motion<'_, O> {
         self.pauses = Some((time, Instant::now()));
     }
 
+    /// Whether this part wants a pause.
+    pub(super) fn wants_pause(&self) -> bool {
+        self.pauses.is_some_and(|(time, since)| since.elapsed() >= time)
+    }
+
     /// Whether it is time for a pause, which begins the next stretch.
     fn pauses_now(&mut self) -> bool {
-        match &mut self.pauses {
-            Some((time, since)) if since.elapsed() >= *time => {
-                *since = Instant::now();
-                true
-            }
-            _ => false,
+        let pauses = std::mem::take(&mut self.is_pause_due);
+        if let Some((_, since)) = self.pauses.as_mut().filter(|_| pauses) {
+            *since = Instant::now();
         }
+        pauses
     }
 
     /// One step; the energy is worked out where a row is due at its end. It breaks where an end is wanted

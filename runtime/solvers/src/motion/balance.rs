@@ -53,6 +53,9 @@ impl Sum {
     }
 }
 
+/// The place of the largest column among [`Balance::numbers`].
+const LARGEST: usize = 18;
+
 /// A line of the account: a body at one time. Energies and work since the start are in J.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Row {
@@ -144,6 +147,18 @@ impl Balance {
         sums.chain(self.after).chain(rest).chain(broken).collect()
     }
 
+    /// Adds the numbers of another part of the body: all are sums, but for the largest column, which is that of the body.
+    pub(super) fn add_numbers(numbers: &mut [f64], more: &[f64]) {
+        let own = numbers.iter_mut().zip(more).enumerate();
+        own.filter(|(place, _)| *place != LARGEST).for_each(|(_, (sum, more))| *sum += more);
+    }
+
+    /// The numbers of a part that has nothing of these sums.
+    pub(super) fn nothing_beside(numbers: &[f64]) -> Vec<f64> {
+        let of = |(place, number): (usize, &f64)| if place == LARGEST { *number } else { 0.0 };
+        numbers.iter().enumerate().map(of).collect()
+    }
+
     /// From these numbers, [`Balance::N_NUMBERS`] of them.
     pub(super) fn of(numbers: &[f64]) -> Balance {
         let sum = |place: usize| Sum { value: numbers[place], low: numbers[place + 1] };
@@ -161,7 +176,7 @@ impl Balance {
             after: [10, 11, 12, 13, 14].map(|place| numbers[place]),
             first: (!energy.is_nan()).then_some(First { kinetic, energy }),
             kinetic: numbers[17],
-            largest: numbers[18],
+            largest: numbers[LARGEST],
         }
     }
 

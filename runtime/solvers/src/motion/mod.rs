@@ -124,6 +124,8 @@ pub struct Motion<'a, O = Nobody> {
     stopped: Option<MotionError>,
     /// How long it goes on at a stretch, and since when it does.
     pauses: Option<(Duration, Instant)>,
+    /// Whether one is due, in any part.
+    is_pause_due: bool,
 }
 
 /// What the row at an end between two rows changes: scalars of a snapshot, and how many notes there were.
@@ -154,7 +156,7 @@ impl<'a> Motion<'a> {
 impl<'a, O: Others> Motion<'a, O> {
     /// The same of a part of a body, whose other parts other processes move: of the energies, displacements and
     /// forces of this one those of the points that [count](Energy::counted) matter, and others come from where
-    /// they do. Rows are those of the whole body. Implicit rules, pauses and snapshots are of whole bodies alone.
+    /// they do. Rows are those of the whole body. Implicit rules are of whole bodies alone.
     /// Collective, as all that leads on.
     ///
     /// # Errors
@@ -241,6 +243,7 @@ impl<'a, O: Others> Motion<'a, O> {
             before_end: None,
             stopped: None,
             pauses: None,
+            is_pause_due: false,
         })
     }
 

@@ -1,7 +1,7 @@
 //! Bodies that many processes share: each moves a part, and hears of the others.
 //!
 //! Displacements of points that others move come once a step, and velocities where bonds dissipate; at its end all
-//! hear whether one has failed, stops or wants an end, and how fast the fastest point is. Sums of the account are of
+//! hear whether one has failed, stops, wants an end or a pause, and how fast the fastest point is. Sums of the account are of
 //! own points, and are added up where a row is due. What breaks is not told: whoever holds an interaction judges it
 //! by the same numbers, and finds the same.
 
@@ -85,14 +85,15 @@ impl<O: Others> Motion<'_, O> {
             self.watch.notice(Event::Moved { t, step: self.done, n_steps });
         }
         let wants_end = flag(self.watch.wants_end());
-        let mut news = [flag(went.is_err()), wants_end, self.fastest];
+        let mut news = [flag(went.is_err()), wants_end, flag(self.wants_pause()), self.fastest];
         self.others.max(&mut news);
-        let [fails, wants_end, fastest] = news;
+        let [fails, wants_end, wants_pause, fastest] = news;
         let went = went?;
         if fails > 0.0 {
             return Err(MotionError::Elsewhere);
         }
         self.wants_end = wants_end > 0.0;
+        self.is_pause_due |= wants_pause > 0.0;
         if !(fastest.is_finite() && (self.dt * fastest <= self.extent || self.stays_together())) {
             return Err(self.flown_off());
         }

@@ -7,8 +7,8 @@ use piola_mechanics::fracture::Fracture;
 use piola_mechanics::kernel::Measure;
 
 use super::balance::Balance;
-use super::others::Nobody;
-use super::{CriticalStep, Initial, Motion, MotionDrive, MotionError, MotionSettings};
+use super::others::{Nobody, agreed};
+use super::{CriticalStep, Initial, Motion, MotionDrive, MotionError, MotionSettings, Others};
 use crate::watch::Watch;
 
 /// Where a motion stands between two steps: all that its next steps rest on.
@@ -16,8 +16,8 @@ use crate::watch::Watch;
 pub struct Snapshot<'a> {
     /// One array per name of [`Snapshot::NAMES`]: scalars, then vectors `n x d` in the body's order;
     /// displacements in m, velocities in the middle of the step to come in m/s, each with what rounding
-    /// left behind, and `dE/du` in N, by which a body is known again; then the numbers of the bonds that are
-    /// broken, behind all of these those of triangles that broke themselves, and of tetrahedra; what bonds
+    /// left behind, and `dE/du` in N, by which a body is known again, if they are there; then the numbers of the bonds
+    /// that are broken, behind all of these those of triangles that broke themselves, and of tetrahedra; what bonds
     /// remember; and velocities before the last kick, where bonds dissipate.
     pub arrays: [Cow<'a, [f64]>; 9],
     /// What the reader was told so far.
@@ -37,6 +37,17 @@ impl Snapshot<'_> {
         "states",
         "velocities_before",
     ];
+
+    /// The numbers of two parts of a body as those of one: sums of the account are added up.
+    pub fn add_numbers(numbers: &mut [f64], more: &[f64]) {
+        Balance::add_numbers(&mut numbers[N_SCALARS..], &more[N_SCALARS..]);
+    }
+
+    /// The numbers of a part of a body of which another part has all sums so far.
+    pub fn without_sums(numbers: &[f64]) -> Vec<f64> {
+        let (scalars, balance) = numbers.split_at(N_SCALARS);
+        [scalars, &Balance::nothing_beside(balance)].concat()
+    }
 }
 
 /// How many numbers bonds have, triangles with criteria of their own, and tetrahedra.
@@ -77,6 +88,139 @@ const CLIQUES: [Measure; 2] = [Measure::Area, Measure::Volume];
 const N_SCALARS: usize = 9;
 
 impl<'a> Motion<'a> {
+    /// Goes on where a motion of the same body, conditions and settings stood: the next bits are
+    /// those that it would have had.
+    ///
+    /// # Errors
+    /// As [`Motion::new`]; a snapshot of another motion.
+    pub fn resume(
+        energy: &'a dyn Energy,
+        masses: &[f64],
+        drive: &'a dyn MotionDrive,
+        settings: &MotionSettings,
+        watch: &Watch,
+        snapshot: Snapshot<'_>,
+    ) -> Result<Motion<'a>, MotionError> {
+        Motion::resume_among(&Nobody, energy, masses, drive, settings, watch, snapshot)
+    }
+}
+
+impl<'a, O: Others> Motion<'a, O> {
+    /// The same of a part of a body, as [`Motion::among`] has it: of points that do not count vectors of the snapshot
+    /// have zeros. Collective.
+    ///
+    /// # Errors
+    /// As [`Motion::resume`]; [`MotionError::Elsewhere`] where another part has one.
+    pub fn resume_among(
+        others: &'a O,
+        energy: &'a dyn Energy,
+        masses: &[f64],
+        drive: &'a dyn MotionDrive,
+        settings: &MotionSettings,
+        watch: &Watch,
+        snapshot: Snapshot<'_>,
+    ) -> Result<Motion<'a, O>, MotionError> {
+        let Snapshot { arrays, notes } = snapshot;
+        let arrays = arrays.map(Cow::into_owned);
+        let [numbers, u, u_low, v, v_low, forces, broken, states, before] = arrays;
+        let placed = || {
+            let n = energy.positions().len();
+            let is_of_body = [&u, &u_low, &v, &v_low].iter().all(|array| array.len() == n);
+            let has_forces = forces.len() == n || forces.is_empty();
+            if !is_of_body || !has_forces || numbers.len() != N_SCALARS + Balance::N_NUMBERS {
+                return Err(other("its arrays are of another size"));
+            }
+            let start = Initial { displacements: u, velocities: v };
+            let mut motion = Motion::of((energy, others), masses, start, drive, settings, watch)?;
+            motion.restore_account(&numbers)?;
+            (motion.u.low, motion.v.low) = (u_low, v_low);
+            match &mut motion.viscous {
+                Some(viscous) if before.len() == n => viscous.earlier = before,
+                None if before.is_empty() => {}
+                _ => return Err(other("what its bonds dissipate is another")),
+            }
+            motion.notes = notes.into_owned();
+            motion.restore_status(&broken, &states)?;
+            Ok(motion)
+        };
+        let mut motion = agreed(others, placed())?;
+        motion.join();
+        let known = motion.know_again(&forces);
+        agreed(others, known)?;
+        Ok(motion)
+    }
+
+    /// Takes what the numbers of a snapshot say.
+    fn restore_account(&mut self, numbers: &[f64]) -> Result<(), MotionError> {
+        let (scalars, balance) = numbers.split_at(N_SCALARS);
+        let &[step, steps, dt, least, seconds, frequency, viscosity, uncertainty, products] =
+            scalars
+        else {
+            return Err(other("its arrays are of another size"));
+        };
+        if !(dt > 0.0 && step <= steps && self.settings.end / steps == dt) {
+            return Err(other("its steps are others"));
+        }
+        (self.done, self.n_steps, self.dt) = (step as usize, steps as usize, dt);
+        self.least_critical = least;
+        self.critical = seconds.is_finite().then_some(CriticalStep {
+            seconds,
+            frequency,
+            viscosity,
+            uncertainty,
+            products: products as usize,
+        });
+        self.balance = Balance::of(balance);
+        Ok(())
+    }
+
+    /// Takes out what is broken, and gives back what is remembered.
+    fn restore_status(&mut self, broken: &[f64], states: &[f64]) -> Result<(), MotionError> {
+        match self.energy.fracture() {
+            Some(fracture) => {
+                let broken: Vec<usize> = broken.iter().map(|bond| *bond as usize).collect();
+                let n: [usize; 3] = numbers_of(fracture);
+                let is_beyond = broken.last().is_some_and(|last| *last >= n.iter().sum());
+                if is_beyond || states.len() != fracture.states().len() {
+                    return Err(other("its bonds are others"));
+                }
+                take_out_all(fracture, &broken);
+                fracture.remember(states);
+                Ok(())
+            }
+            None if broken.is_empty() => Ok(()),
+            None => Err(other("bonds of it are broken")),
+        }
+    }
+
+    /// Works out forces, which are to be these if there are any, and what drives the next step.
+    fn know_again(&mut self, forces: &[f64]) -> Result<(), MotionError> {
+        self.set_parameters_now()?;
+        self.ask_forces(false)?;
+        let is_same = |(dof, (one, other)): (usize, (&f64, &f64))| {
+            !self.counts(dof) || one.to_bits() == other.to_bits()
+        };
+        if !self.forces.iter().zip(forces).enumerate().all(is_same) {
+            return Err(other("the forces of this body are others at its displacements"));
+        }
+        self.ask_loads(true)?;
+        if self.done < self.n_steps {
+            self.ask_displacements(self.time(self.done + 1))?;
+        }
+        Ok(())
+    }
+
+    /// Whether a degree of freedom is of a point that counts.
+    fn counts(&self, dof: usize) -> bool {
+        self.energy.counted().contains(&(dof / self.energy.dimension()))
+    }
+}
+
+fn other(what: &'static str) -> MotionError {
+    MotionError::OtherMotion { what }
+}
+
+impl<O> Motion<'_, O> {
     /// Where the motion stands. If it was ended between two rows, the row there is none that
     /// it would have had, and the snapshot knows nothing of it.
     pub fn snapshot(&self) -> Snapshot<'_> {
@@ -102,86 +246,6 @@ impl<'a> Motion<'a> {
         self.before_end.is_some()
     }
 
-    /// Goes on where a motion of the same body, conditions and settings stood: the next bits are
-    /// those that it would have had.
-    ///
-    /// # Errors
-    /// As [`Motion::new`]; a snapshot of another motion.
-    pub fn resume(
-        energy: &'a dyn Energy,
-        masses: &[f64],
-        drive: &'a dyn MotionDrive,
-        settings: &MotionSettings,
-        watch: &Watch,
-        snapshot: Snapshot<'_>,
-    ) -> Result<Motion<'a>, MotionError> {
-        let n = energy.positions().len();
-        let Snapshot { arrays, notes } = snapshot;
-        let arrays = arrays.map(Cow::into_owned);
-        let [numbers, u, u_low, v, v_low, forces, broken, states, before] = arrays;
-        let is_of_body = [&u, &u_low, &v, &v_low, &forces].iter().all(|array| array.len() == n);
-        let other = |what| MotionError::OtherMotion { what };
-        if !is_of_body || numbers.len() != N_SCALARS + Balance::N_NUMBERS {
-            return Err(other("its arrays are of another size"));
-        }
-        let start = Initial { displacements: u, velocities: v };
-        let mut motion = Motion::of((energy, &Nobody), masses, start, drive, settings, watch)?;
-        motion.join();
-        (motion.u.low, motion.v.low) = (u_low, v_low);
-        match &mut motion.viscous {
-            Some(viscous) if before.len() == n => viscous.earlier = before,
-            None if before.is_empty() => {}
-            _ => return Err(other("what its bonds dissipate is another")),
-        }
-        motion.notes = notes.into_owned();
-        let (scalars, balance) = numbers.split_at(N_SCALARS);
-        let &[step, steps, dt, least, seconds, frequency, viscosity, uncertainty, products] =
-            scalars
-        else {
-            return Err(other("its arrays are of another size"));
-        };
-        if !(dt > 0.0 && step <= steps && settings.end / steps == dt) {
-            return Err(other("its steps are others"));
-        }
-        (motion.done, motion.n_steps, motion.dt) = (step as usize, steps as usize, dt);
-        motion.least_critical = least;
-        motion.critical = seconds.is_finite().then_some(CriticalStep {
-            seconds,
-            frequency,
-            viscosity,
-            uncertainty,
-            products: products as usize,
-        });
-        motion.balance = Balance::of(balance);
-        match energy.fracture() {
-            Some(fracture) => {
-                let broken: Vec<usize> = broken.iter().map(|bond| *bond as usize).collect();
-                let n: [usize; 3] = numbers_of(fracture);
-                let is_beyond = broken.last().is_some_and(|last| *last >= n.iter().sum());
-                if is_beyond || states.len() != fracture.states().len() {
-                    return Err(other("its bonds are others"));
-                }
-                take_out_all(fracture, &broken);
-                fracture.remember(&states);
-            }
-            None if broken.is_empty() => {}
-            None => return Err(other("bonds of it are broken")),
-        }
-        motion.set_parameters_now()?;
-        motion.ask_forces(false)?;
-        let bits = |(one, other): (&f64, &f64)| one.to_bits() == other.to_bits();
-        if !motion.forces.iter().zip(&forces).all(bits) {
-            return Err(other("the forces of this body are others at its displacements"));
-        }
-        motion.ask_loads(true)?;
-        if motion.done < motion.n_steps {
-            motion.ask_displacements(motion.time(motion.done + 1))?;
-        }
-        Ok(motion)
-    }
-}
-
-impl<O> Motion<'_, O> {
     /// Scalars of a snapshot.
     pub(super) fn numbers(&self) -> Vec<f64> {
         let critical = self.critical.map_or([f64::NAN; 5], |found| {

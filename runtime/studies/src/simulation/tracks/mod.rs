@@ -4,34 +4,42 @@
 //! their cells touch: their bond at rest is no longer than sqrt(d) spacings, of a cloud sqrt(d) times the edge
 //! of the mean volume. The crack is all that hangs together with the points that are damaged before anything
 //! moves or, where none is, with those that are damaged first; its tip is the farthest of them along the axis.
+//!
+//! What there is to see says a [`Lookout`], of a body or of the part that a process has of it; a [`Log`] makes
+//! the rows of it.
 
-use piola_mechanics::energy::{Energy as _, Total};
-use piola_mechanics::kernel::Measure;
+mod lookout;
+
+use piola_mechanics::energy::Total;
 use piola_output::fracture::{FractureColumns, FractureRow, TrackColumns, TrackRow};
 
 use crate::case::Case;
 use crate::moduli::rayleigh_speeds;
 use crate::scene::selection::{Selection, typical_spacing};
 use crate::scene::{Points, Track};
+pub(super) use lookout::{Damaged, Lookout, Seen};
 
 /// The part of a length by which rounding may make it longer.
 const ROUNDED: f64 = 1e-6;
 
-/// The cracks of a body that are followed.
+/// The cracks of a body that are followed, in one process.
 pub(super) struct Tracks<'a> {
+    lookout: Lookout<'a>,
+    log: Log<'a>,
+}
+
+/// The rows of what is followed.
+pub(super) struct Log<'a> {
     case: &'a Case,
-    energy: &'a Total<'a>,
     paths: Vec<Path<'a>>,
-    /// The longest distance of points that hang together, in m.
-    reach: f64,
+    /// Whether triangles and tetrahedra break by criteria of their own.
+    has_cliques: [bool; 2],
     progress: Progress,
 }
 
 /// What stays as it is of a track.
 struct Path<'a> {
     track: &'a Track,
-    /// Whether a point counts; nothing where all do.
-    is_in: Option<Vec<bool>>,
     /// How long the front is across the body, in m.
     thickness: f64,
     /// Of each material, in m/s.
@@ -52,11 +60,21 @@ pub(super) struct Progress {
 struct Way {
     /// The points with which a crack hangs together.
     seeds: Vec<usize>,
-    /// The point at the tip.
-    tip: Option<usize>,
+    tip: Option<Tip>,
     /// Of each place of the tip the first row that had it there, back to a horizon behind the tip; of the place
     /// where it began the last.
     passed: Vec<Passed>,
+}
+
+/// The tip of a crack.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Tip {
+    /// The number of its point.
+    point: usize,
+    /// In m along the way of the track.
+    at: f64,
+    /// The number of its material.
+    law: usize,
 }
 
 /// A row with a tip.
@@ -77,35 +95,60 @@ impl<'a> Tracks<'a> {
         selection: &Selection,
         motion: bool,
     ) -> Option<Tracks<'a>> {
-        let damage = energy.fracture()?.damage();
-        let d = case.body.dimension();
+        let spacing =
+            typical_spacing(case.body.dimension(), case.body.volumes(), case.body.spacing());
+        let lookout = Lookout::new(case, energy, selection, (spacing, 0))?;
+        let log = Log::new(case, &|axis| extent(case, axis), lookout.seen(), motion);
+        Some(Tracks { lookout, log })
+    }
+
+    pub(super) fn columns(&self) -> FractureColumns {
+        self.log.columns()
+    }
+
+    pub(super) fn progress(&self) -> &Progress {
+        &self.log.progress
+    }
+
+    /// Goes on where rows of an earlier run ended.
+    pub(super) fn resume(&mut self, progress: Progress) {
+        self.log.resume(progress);
+    }
+
+    /// The row at `t`, when the broken bonds had held so much, in J.
+    pub(super) fn row(&mut self, t: f64, released: f64) -> FractureRow {
+        let broken = self.lookout.broken();
+        let damaged = self.log.wants_look(broken).then(|| self.lookout.damaged());
+        self.log.row(t, released, Seen { broken, damaged: damaged.unwrap_or_default() })
+    }
+}
+
+impl<'a> Log<'a> {
+    /// Of a body of which so much is broken before anything moves, and whose extent along an axis is known, in m.
+    pub(super) fn new(
+        case: &'a Case,
+        extent: &dyn Fn(usize) -> f64,
+        seen: Seen,
+        motion: bool,
+    ) -> Log<'a> {
         let path = |track: &'a Track| {
-            let [side, across] = sides(case, track);
-            let is_in = track.set.map(|set| {
-                let mut is_in = vec![false; case.body.n_points()];
-                selection.sets[set.value].points.iter().for_each(|point| is_in[*point] = true);
-                is_in
-            });
             let (axis, _) = track.axis.number_and_sign();
+            let [side, across] = sides(case.body.dimension(), axis, extent);
             let rayleigh = if motion { rayleigh_speeds(case, axis, side.0) } else { Vec::new() };
-            let thickness = track.thickness.unwrap_or(match d {
+            let thickness = track.thickness.unwrap_or(match case.body.dimension() {
                 2 => case.thickness(),
                 _ => across.1,
             });
-            Path { track, is_in, thickness, rayleigh, has_speed: motion }
+            Path { track, thickness, rayleigh, has_speed: motion }
         };
-        let spacing = typical_spacing(d, case.body.volumes(), case.body.spacing());
-        let mut tracks = Tracks {
+        let way = |damaged: &Damaged| Way { seeds: damaged.points.clone(), ..Way::default() };
+        let broken = seen.broken.map(Option::unwrap_or_default);
+        Log {
             case,
-            energy,
             paths: case.scene.tracks.iter().map(path).collect(),
-            reach: (d as f64).sqrt() * spacing * (1.0 + ROUNDED),
-            progress: Progress::default(),
-        };
-        let way = |path: &Path<'_>| Way { seeds: path.damaged(&damage), ..Way::default() };
-        tracks.progress.tracks = tracks.paths.iter().map(way).collect();
-        tracks.progress.broken = tracks.broken();
-        Some(tracks)
+            has_cliques: [seen.broken[1].is_some(), seen.broken[2].is_some()],
+            progress: Progress { broken, tracks: seen.damaged.iter().map(way).collect() },
+        }
     }
 
     pub(super) fn columns(&self) -> FractureColumns {
@@ -114,12 +157,11 @@ impl<'a> Tracks<'a> {
             has_speed: path.has_speed,
             has_rayleigh: path.rayleigh.iter().any(Option::is_some),
         };
-        FractureColumns {
-            cliques: [Measure::Area, Measure::Volume].map(|measure| self.counts(measure).is_some()),
-            tracks: self.paths.iter().map(track).collect(),
-        }
+        let tracks = self.paths.iter().map(track).collect();
+        FractureColumns { cliques: self.has_cliques, tracks }
     }
 
+    #[cfg(feature = "petsc")]
     pub(super) fn progress(&self) -> &Progress {
         &self.progress
     }
@@ -129,35 +171,35 @@ impl<'a> Tracks<'a> {
         self.progress = progress;
     }
 
-    fn counts(&self, measure: Measure) -> Option<usize> {
-        Some(self.energy.fracture()?.counts_of(measure)?[1])
+    /// Whether tips may be elsewhere than in the last row, where so much is broken.
+    fn wants_look(&self, broken: [Option<usize>; 3]) -> bool {
+        let has_changed = self.progress.broken != broken.map(Option::unwrap_or_default);
+        has_changed || self.progress.tracks.iter().any(|way| way.tip.is_none())
     }
 
-    fn broken(&self) -> [usize; 3] {
-        self.energy.fracture().map_or([0; 3], |fracture| fracture.n_broken())
-    }
-
-    /// The row at `t`, when the broken bonds had held so much, in J.
-    pub(super) fn row(&mut self, t: f64, released: f64) -> FractureRow {
-        let now = self.broken();
+    /// The row at `t`, when the broken bonds had held so much, in J: damaged points are there if
+    /// [they are wanted](Log::wants_look).
+    pub(super) fn row(&mut self, t: f64, released: f64, seen: Seen) -> FractureRow {
+        let now = seen.broken.map(Option::unwrap_or_default);
         let before = std::mem::replace(&mut self.progress.broken, now);
-        let has_changed = before != now || self.progress.tracks.iter().any(|way| way.tip.is_none());
-        let fracture = self.energy.fracture().filter(|_| has_changed && !self.paths.is_empty());
-        if let Some(damage) = fracture.map(|fracture| fracture.damage()) {
-            for (path, way) in self.paths.iter().zip(&mut self.progress.tracks) {
-                if way.seeds.is_empty() {
-                    way.seeds = path.damaged(&damage);
-                }
-                way.tip = path.tip((self.case, self.energy), self.reach, &damage, &way.seeds);
+        let paths = self.paths.iter().zip(&mut self.progress.tracks);
+        for ((path, way), damaged) in paths.zip(&seen.damaged) {
+            if way.seeds.is_empty() {
+                way.seeds.clone_from(&damaged.points);
             }
+            way.tip = damaged.farthest(&way.seeds, path.sign()).map(|number| Tip {
+                point: damaged.points[number],
+                at: path.sign() * damaged.places[number],
+                law: damaged.laws[number],
+            });
         }
         let horizon = self.case.scene.horizon_radius();
         let paths = self.paths.iter().zip(&mut self.progress.tracks);
         let tracks = paths.map(|(path, way)| {
             let Some(tip) = way.tip else { return NOWHERE };
-            let now = Passed { t, at: path.place(self.case, tip), released };
+            let now = Passed { t, at: tip.at, released };
             way.take(now, horizon);
-            path.row(way.window(horizon), now, self.case, tip)
+            path.row(way.window(horizon), now, tip)
         });
         let tracks = tracks.collect();
         // Bonds that load steps put back were never broken.
@@ -165,8 +207,7 @@ impl<'a> Tracks<'a> {
         FractureRow {
             t,
             bonds: counts(0),
-            cliques: [(1, Measure::Area), (2, Measure::Volume)]
-                .map(|(kind, measure)| self.counts(measure).map(|_| counts(kind))),
+            cliques: [1, 2].map(|kind| seen.broken[kind].map(|_| counts(kind))),
             released,
             tracks,
         }
@@ -177,18 +218,21 @@ impl<'a> Tracks<'a> {
 const NOWHERE: TrackRow =
     TrackRow { tip: f64::NAN, speed: 0.0, over_rayleigh: 0.0, released_per_area: f64::NAN };
 
-/// The two axes beside that of a track, with the extents of the body along them in m: first the longer one.
-fn sides(case: &Case, track: &Track) -> [(usize, f64); 2] {
-    let (own, _) = track.axis.number_and_sign();
+/// How far the body reaches along an axis, in m.
+fn extent(case: &Case, axis: usize) -> f64 {
     let d = case.body.dimension();
-    let extent = |axis: usize| match &case.scene.body.points {
+    match &case.scene.body.points {
         Points::Lattice(shape) => shape.high[axis] - shape.low[axis],
         Points::Cloud { .. } | Points::Mesh(_) => {
             let along = || case.body.positions().iter().skip(axis).step_by(d).copied();
             let edge = typical_spacing(d, case.body.volumes(), None);
             edge + along().fold(f64::NEG_INFINITY, f64::max) - along().fold(f64::INFINITY, f64::min)
         }
-    };
+    }
+}
+
+/// The two axes beside that of a track, with the extents of the body along them in m: first the longer one.
+fn sides(d: usize, own: usize, extent: &dyn Fn(usize) -> f64) -> [(usize, f64); 2] {
     let mut others: Vec<(usize, f64)> =
         (0..d).filter(|axis| *axis != own).map(|axis| (axis, extent(axis))).collect();
     others.sort_by(|one, other| other.1.total_cmp(&one.1));
@@ -196,60 +240,15 @@ fn sides(case: &Case, track: &Track) -> [(usize, f64); 2] {
 }
 
 impl Path<'_> {
-    /// The points that are damaged.
-    fn damaged(&self, damage: &[f64]) -> Vec<usize> {
-        let is_in = |point: usize| self.is_in.as_ref().is_none_or(|is_in| is_in[point]);
-        let points = 0..damage.len();
-        points.filter(|point| damage[*point] >= self.track.threshold && is_in(*point)).collect()
-    }
-
-    /// How far along the way of the track a point is, in m.
-    fn place(&self, case: &Case, point: usize) -> f64 {
-        let (axis, sign) = self.track.axis.number_and_sign();
-        sign * case.body.position(point)[axis]
-    }
-
-    /// The farthest of the damaged points that hang together with the seeds.
-    fn tip(
-        &self,
-        (case, energy): (&Case, &Total<'_>),
-        reach: f64,
-        damage: &[f64],
-        seeds: &[usize],
-    ) -> Option<usize> {
-        let damaged = self.damaged(damage);
-        let mut pieces = Pieces::of(damaged.len());
-        let bonds = energy.bonds();
-        for (number, &point) in damaged.iter().enumerate() {
-            let row = &bonds.columns[bonds.row_start[point]..bonds.row_start[point + 1]];
-            for other in row.iter().map(|other| *other as usize).filter(|other| *other > point) {
-                let Ok(other_number) = damaged.binary_search(&other) else { continue };
-                let [p, q] = [point, other].map(|point| case.body.position(point));
-                let squared = p.iter().zip(q).map(|(p, q)| (p - q) * (p - q)).sum::<f64>();
-                if squared <= reach * reach {
-                    pieces.join(number, other_number);
-                }
-            }
-        }
-        let mut is_of_crack = vec![false; damaged.len()];
-        for number in seeds.iter().filter_map(|seed| damaged.binary_search(seed).ok()) {
-            is_of_crack[pieces.root(number)] = true;
-        }
-        let own = (0..damaged.len()).filter(|number| is_of_crack[pieces.root(*number)]);
-        let own = own.map(|number| damaged[number]);
-        // Of those that are equally far, the first in the body's order.
-        own.fold(None, |tip: Option<usize>, point| {
-            let is_farther = tip.is_none_or(|tip| self.place(case, point) > self.place(case, tip));
-            if is_farther { Some(point) } else { tip }
-        })
+    /// 1 or -1.
+    fn sign(&self) -> f64 {
+        self.track.axis.number_and_sign().1
     }
 
     /// The row of a track whose tip is `now` there, and has come there by this window.
-    fn row(&self, window: Option<[Passed; 2]>, now: Passed, case: &Case, tip: usize) -> TrackRow {
-        let (_, sign) = self.track.axis.number_and_sign();
-        let law = case.materials.as_ref().map_or(0, |materials| usize::from(materials.of(tip)));
-        let rayleigh = self.rayleigh.get(law).copied().flatten();
-        let mut row = TrackRow { tip: sign * now.at, ..NOWHERE };
+    fn row(&self, window: Option<[Passed; 2]>, now: Passed, tip: Tip) -> TrackRow {
+        let rayleigh = self.rayleigh.get(tip.law).copied().flatten();
+        let mut row = TrackRow { tip: self.sign() * now.at, ..NOWHERE };
         if let Some([then, there]) = window {
             let (way, time) = (there.at - then.at, there.t - then.t);
             let stands = now.t - there.t > time;
@@ -283,34 +282,13 @@ impl Way {
     }
 }
 
-/// Numbers that hang together.
-struct Pieces(Vec<usize>);
-
-impl Pieces {
-    fn of(n: usize) -> Pieces {
-        Pieces((0..n).collect())
-    }
-
-    fn root(&mut self, mut number: usize) -> usize {
-        while self.0[number] != number {
-            self.0[number] = self.0[self.0[number]];
-            number = self.0[number];
-        }
-        number
-    }
-
-    fn join(&mut self, one: usize, other: usize) {
-        let (one, other) = (self.root(one), self.root(other));
-        self.0[one.max(other)] = one.min(other);
-    }
-}
-
 impl Progress {
     /// As numbers, for a checkpoint.
     pub(super) fn numbers(&self) -> Vec<f64> {
         let mut numbers: Vec<f64> = self.broken.iter().map(|n| *n as f64).collect();
         for Way { seeds, tip, passed } in &self.tracks {
-            numbers.push(tip.map_or(-1.0, |tip| tip as f64));
+            let tip = tip.map(|tip| [tip.point as f64, tip.at, tip.law as f64]);
+            numbers.extend(tip.unwrap_or([-1.0; 3]));
             numbers.push(seeds.len() as f64);
             numbers.extend(seeds.iter().map(|seed| *seed as f64));
             numbers.push(passed.len() as f64);
@@ -330,7 +308,9 @@ impl Progress {
         let broken = [count(numbers.next()?)?, count(numbers.next()?)?, count(numbers.next()?)?];
         let mut tracks = Vec::new();
         for _ in 0..n_tracks {
-            let tip = count(numbers.next()?).filter(|tip| *tip < n_points);
+            let tip = [numbers.next()?, numbers.next()?, numbers.next()?];
+            let point = count(tip[0]).filter(|point| *point < n_points);
+            let tip = point.zip(count(tip[2])).map(|(point, law)| Tip { point, at: tip[1], law });
             let n = count(numbers.next()?).filter(|n| *n <= n_points)?;
             let seeds: Option<Vec<usize>> = (0..n).map(|_| count(numbers.next()?)).collect();
             let n = count(numbers.next()?).filter(|n| *n <= numbers.len() / 3)?;
@@ -350,7 +330,11 @@ mod tests {
 
     #[test]
     fn speeds_are_over_the_last_horizon_and_progress_is_kept_to_the_bit() {
-        let mut way = Way { seeds: vec![3, 5], tip: Some(7), passed: Vec::new() };
+        let mut way = Way {
+            seeds: vec![3, 5],
+            tip: Some(Tip { point: 7, at: 0.5, law: 1 }),
+            passed: Vec::new(),
+        };
         let mut row = |t: f64, at: f64| {
             way.take(Passed { t, at, released: 10.0 * at }, 3.0);
             way.window(3.0).map(|window| window.map(|one| (one.t, one.at)))

@@ -510,9 +510,9 @@ pub(crate) struct Run {
     /// named only if its file has moved
     #[arg(long, value_name = "FOLDER", conflicts_with_all = ["out", "settings", "force"])]
     pub(crate) resume: Option<PathBuf>,
-    /// Run load steps over the processes of `mpirun`, by PETSc, whose options stand behind `--`
+    /// Run over the processes of `mpirun`, by PETSc, whose options stand behind `--`
     #[cfg(feature = "petsc")]
-    #[arg(long, conflicts_with = "resume")]
+    #[arg(long)]
     pub(crate) petsc: bool,
     /// Options of PETSc
     #[cfg(feature = "petsc")]

@@ -9,7 +9,7 @@ use piola_runtime::simulation::ranks::{self, Engine, Parts};
 use piola_runtime::simulation::{Origin, RunError, RunOptions};
 use piola_runtime::solve::Watch;
 
-use super::run::{report, title};
+use super::run::{Task, report, resumed, title};
 use super::{Exit, scene};
 use crate::cli::Run;
 use crate::console;
@@ -40,13 +40,17 @@ pub(super) fn execute(arguments: &Run) -> Exit {
 }
 
 fn solve(arguments: &Run, engine: &Engine) -> Exit {
-    let scene_file = arguments.scene.clone().unwrap_or_default();
-    let Some(out) = arguments.out.as_deref() else {
-        let help = format!("name a new or empty one: `-o out/{}`", title(&scene_file));
+    let resumes = arguments.resume.is_some();
+    let task = match task(arguments, engine) {
+        Ok(task) => task,
+        Err(exit) => return exit,
+    };
+    if !resumes && arguments.out.is_none() {
+        let help = format!("name a new or empty one: `-o out/{}`", title(&task.scene));
         render::error("a run leaves files, and there is no folder for them", [help.as_str()]);
         return Exit::Input;
-    };
-    let parts = match read(&scene_file, arguments, engine) {
+    }
+    let parts = match read(&task, engine) {
         Ok(parts) => parts,
         Err(exit) => return exit,
     };
@@ -56,21 +60,28 @@ fn solve(arguments: &Run, engine: &Engine) -> Exit {
         console::note(&reason);
         warnings.push(reason);
     }
-    let folder = match folder(out, arguments.force, engine) {
+    let folder = match task.folder {
+        None if !resumes => folder(arguments, engine),
+        taken_up => Ok(taken_up),
+    };
+    let folder = match folder {
         Ok(folder) => folder,
         Err(exit) => return exit,
     };
-    let title = title(&scene_file);
-    let place = std::path::absolute(&scene_file).unwrap_or(scene_file).display().to_string();
-    let end = case.scene.motion.as_ref().map_or(case.scene.steps.end, |motion| motion.end);
-    let progress = Arc::new(Progress::new(end, Interrupt::default()));
+    let title = title(&task.scene);
+    let place = std::path::absolute(&task.scene).unwrap_or(task.scene).display().to_string();
+    let motion = case.scene.motion.as_ref();
+    let end = motion.map_or(case.scene.steps.end, |motion| motion.end);
+    // A motion leaves a checkpoint; load steps end at once.
+    let interrupt = if motion.is_some() { Interrupt::listen() } else { Interrupt::default() };
+    let progress = Arc::new(Progress::new(end, interrupt.clone()));
     let shown = (engine.rank() == 0).then(|| progress.show());
-    let origin = Origin { scene: &place, settings: &arguments.settings };
-    let options = RunOptions { title: &title, warnings, origin, resumes: false };
+    let origin = Origin { scene: &place, settings: &task.settings };
+    let options = RunOptions { title: &title, warnings, origin, resumes };
     let ran = ranks::run(&parts, engine, folder.as_ref(), options, &Watch::by(progress));
     drop(shown);
     match (ran, folder) {
-        (Ok(ending), Some(folder)) => report(case, &ending, &folder, None),
+        (Ok(ending), Some(folder)) => report(case, &ending, &folder, interrupt.signal()),
         // What it ended with the first process knows.
         (Ok(_), None) => Exit::Done,
         (Err(RunError::Case(error)), folder) => {
@@ -87,10 +98,37 @@ fn solve(arguments: &Run, engine: &Engine) -> Exit {
     }
 }
 
+/// What is to be run, of which the first process knows where a run is taken up: it has the folder.
+fn task(arguments: &Run, engine: &Engine) -> Result<Task, Exit> {
+    let Some(folder) = &arguments.resume else {
+        let scene = arguments.scene.clone().unwrap_or_default();
+        return Ok(Task { scene, settings: arguments.settings.clone(), folder: None });
+    };
+    let own = (engine.rank() == 0).then(|| resumed(folder, arguments)).transpose();
+    let told = engine.agree(own.as_ref().map(|_| ()).map_err(ToString::to_string));
+    let own = match (own, told) {
+        (Ok(own), Ok(())) => own,
+        (Err(error), _) => {
+            render::error(&error.to_string(), error.help());
+            return Err(Exit::Input);
+        }
+        (Ok(_), Err(_)) => return Err(Exit::Input),
+    };
+    let words = own.as_ref().map_or_else(Vec::new, |task| {
+        [&[task.scene.display().to_string()], &task.settings[..]].concat()
+    });
+    let mut bytes = words.join("\0").into_bytes();
+    engine.broadcast(&mut bytes);
+    let words = String::from_utf8_lossy(&bytes).into_owned();
+    let mut words = words.split('\0').map(str::to_owned);
+    let scene = words.next().unwrap_or_default().into();
+    Ok(own.unwrap_or_else(|| Task { scene, settings: words.collect(), folder: None }))
+}
+
 /// The scene, which all processes read alike: a folder that some machine does not see, or not yet, ends them all. Of its
 /// points each has a part.
-fn read(file: &Path, arguments: &Run, engine: &Engine) -> Result<Parts, Exit> {
-    let own = scene::outline(file, &arguments.settings);
+fn read(task: &Task, engine: &Engine) -> Result<Parts, Exit> {
+    let own = scene::outline(&task.scene, &task.settings);
     let told = engine.agree(own.as_ref().map(|_| ()).map_err(ToString::to_string));
     let outline = match (told, own) {
         (Ok(()), Ok(outline)) => outline,
@@ -130,9 +168,10 @@ fn same(engine: &Engine, case: &Case) -> Result<(), Exit> {
 }
 
 /// The folder of the results, which the first process makes.
-fn folder(out: &Path, force: bool, engine: &Engine) -> Result<Option<OutputFolder>, Exit> {
+fn folder(arguments: &Run, engine: &Engine) -> Result<Option<OutputFolder>, Exit> {
+    let out = arguments.out.as_deref().unwrap_or(Path::new(""));
     let made = match engine.rank() {
-        0 => Some(OutputFolder::create(out, force)),
+        0 => Some(OutputFolder::create(out, arguments.force)),
         _ => None,
     };
     let told = match &made {

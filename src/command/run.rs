@@ -52,15 +52,15 @@ pub(super) fn execute(arguments: &Run) -> Exit {
 }
 
 /// What is to be run.
-struct Task {
-    scene: PathBuf,
-    settings: Vec<String>,
+pub(super) struct Task {
+    pub(super) scene: PathBuf,
+    pub(super) settings: Vec<String>,
     /// The folder of the run that is taken up, if one is.
-    folder: Option<OutputFolder>,
+    pub(super) folder: Option<OutputFolder>,
 }
 
 /// The run whose results are in a folder.
-fn resumed(folder: &Path, arguments: &Run) -> Result<Task, OutputError> {
+pub(super) fn resumed(folder: &Path, arguments: &Run) -> Result<Task, OutputError> {
     let folder = OutputFolder::open(folder)?;
     let none = || OutputError::NoCheckpoint { path: folder.path().to_owned() };
     let header = Header::read(&folder)?.ok_or_else(none)?;

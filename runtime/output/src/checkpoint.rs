@@ -1,15 +1,17 @@
 //! `checkpoint.bin`: where a motion stands, so that a run goes on after it was ended, however it was.
 //!
 //! One line of text, the length of what follows and a header in JSON, the arrays as numbers of 64 bits
-//! (little-endian), and FNV-1a (64 bits) of all that.
+//! (little-endian), and FNV-1a (64 bits) of all that. Of a run by many processes each has its part in a file of the same
+//! form, and this one names them.
 
 use std::borrow::Cow;
 use std::fs::{self, File};
 use std::io::{self, Read as _, Write};
+use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use super::atomic::Operation;
+use super::atomic::{Operation, write_atomically};
 use super::summary::{FNV1A64_OF_NOTHING as START, fnv1a64};
 use super::{OutputError, OutputFile, OutputFolder};
 
@@ -38,6 +40,18 @@ pub struct Header {
     pub notes: Vec<String>,
     /// Lengths of the tables that grow by lines, in bytes.
     pub tables: Vec<u64>,
+    /// Of a run by many processes: where the state of the body is.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub parts: Option<Parts>,
+}
+
+/// The parts of a checkpoint, each in a file of its own ([`OutputFile::CheckpointPart`]).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Parts {
+    /// How many there are.
+    pub n: usize,
+    /// Which of the two that take turns: one is whole while the other is written.
+    pub turn: usize,
 }
 
 impl Header {
@@ -77,9 +91,22 @@ struct Written {
 impl Checkpoint<'_> {
     /// Puts it in the place of an earlier one.
     pub fn write(&self, folder: &OutputFolder) -> Result<(), OutputError> {
+        self.write_as(&folder.path_of(OutputFile::Checkpoint))
+    }
+
+    /// Writes a part of one: of which turn, and which part, into the folder of a run that another process may hold.
+    pub fn write_part(
+        &self,
+        folder: &Path,
+        (turn, part): (usize, usize),
+    ) -> Result<(), OutputError> {
+        self.write_as(&folder.join(OutputFile::CheckpointPart(turn, part).name()))
+    }
+
+    fn write_as(&self, path: &Path) -> Result<(), OutputError> {
         let lengths = self.arrays.iter().map(|(name, values)| (name.clone(), values.len()));
         let written = Written { header: self.header.clone(), arrays: lengths.collect() };
-        folder.write_with(OutputFile::Checkpoint, |out| {
+        write_atomically(path, |out| {
             let header = serde_json::to_vec(&written).map_err(io::Error::other)?;
             let mut sum = Summed { out, sum: START };
             sum.write_all(FIRST)?;
@@ -101,12 +128,31 @@ impl Checkpoint<'_> {
     /// A file that cannot be read, is cut or damaged, or of another form.
     pub fn read(folder: &OutputFolder) -> Result<Option<Checkpoint<'static>>, OutputError> {
         let path = folder.path_of(OutputFile::Checkpoint);
-        let bytes = match fs::read(&path) {
-            Ok(bytes) => bytes,
-            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
-            Err(error) => return Err(Operation::Read.on(&path)(error)),
-        };
-        decode(&bytes).map(Some).ok_or(OutputError::Checkpoint { path })
+        match fs::symlink_metadata(&path) {
+            Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
+            _ => Checkpoint::read_as(path).map(Some),
+        }
+    }
+
+    /// A part of one, as [`Checkpoint::write_part`] wrote it.
+    ///
+    /// # Errors
+    /// A file that cannot be read, is cut or damaged, or of another form.
+    pub fn read_part(
+        folder: &Path,
+        (turn, part): (usize, usize),
+    ) -> Result<Checkpoint<'static>, OutputError> {
+        Checkpoint::read_as(folder.join(OutputFile::CheckpointPart(turn, part).name()))
+    }
+
+    fn read_as(path: PathBuf) -> Result<Checkpoint<'static>, OutputError> {
+        let bytes = fs::read(&path).map_err(Operation::Read.on(&path))?;
+        decode(&bytes).ok_or(OutputError::Checkpoint { path })
+    }
+
+    /// An array by its name.
+    pub fn array(&self, name: &str) -> Option<&[f64]> {
+        self.arrays.iter().find(|(known, _)| known == name).map(|(_, values)| &values[..])
     }
 }
 
@@ -162,6 +208,7 @@ mod tests {
             scene_hash: "fnv1a64:0123456789abcdef".to_owned(),
             notes: vec!["the body has become stiffer".to_owned()],
             tables: vec![1, 22, u64::MAX],
+            parts: Some(Parts { n: 3, turn: 1 }),
         };
         let special = [0.1, -0.0, f64::NAN, f64::INFINITY, f64::MIN_POSITIVE / 8.0];
         let array = |name: &str, values: &[f64]| (name.to_owned(), Cow::Owned(values.to_vec()));

@@ -36,6 +36,9 @@ pub enum OutputFile {
     Fracture,
     /// `checkpoint.bin`.
     Checkpoint,
+    /// `checkpoint_0_0000.bin`: what one of several processes has of it; first of the two that take turns, then of the
+    /// part.
+    CheckpointPart(usize, usize),
     /// `scene.resolved.toml`.
     ResolvedScene,
     /// `picture.svg`.
@@ -74,7 +77,7 @@ pub enum OutputFile {
 const FRAMES: &str = "frames";
 
 impl OutputFile {
-    /// All files but the frames; `run.pvd` first, so that a removal that is cut short leaves no
+    /// All files but frames and parts of checkpoints; `run.pvd` first, so that a removal that is cut short leaves no
     /// list of frames that are gone.
     const SINGLE: [OutputFile; 25] = [
         OutputFile::Collection,
@@ -120,6 +123,7 @@ impl OutputFile {
             OutputFile::Motion => "motion.csv".to_owned(),
             OutputFile::Fracture => "fracture.csv".to_owned(),
             OutputFile::Checkpoint => "checkpoint.bin".to_owned(),
+            OutputFile::CheckpointPart(turn, part) => format!("checkpoint_{turn}_{part:04}.bin"),
             OutputFile::ResolvedScene => "scene.resolved.toml".to_owned(),
             OutputFile::PictureSvg => "picture.svg".to_owned(),
             OutputFile::PicturePng => "picture.png".to_owned(),
@@ -223,6 +227,18 @@ impl OutputFolder {
     /// Removes a file, if it is there.
     pub fn remove(&self, file: OutputFile) -> Result<(), OutputError> {
         remove_if_there(&self.path_of(file))
+    }
+
+    /// Removes frames from this one on, if they are there.
+    pub(crate) fn remove_frames_from(&self, first: usize) -> Result<(), OutputError> {
+        remove_frames(&self.path, |name| frame_number(name).is_some_and(|number| number >= first))
+    }
+
+    /// Removes the checkpoint with all of its parts.
+    pub fn remove_checkpoint(&self) -> Result<(), OutputError> {
+        // First what names the parts.
+        self.remove(OutputFile::Checkpoint)?;
+        remove_parts(&self.path, |_| true)
     }
 
     /// Takes the folder away again if nothing was written into it.
@@ -329,7 +345,16 @@ fn remove_earlier_run(folder: &Path) -> Result<(), OutputError> {
         remove_if_there(&folder.join(file.name()))?;
     }
     remove_partials(folder)?;
+    remove_parts(folder, |_| true)?;
     remove_frames(folder, |_| true)
+}
+
+/// Removes those of the parts of a checkpoint.
+fn remove_parts(folder: &Path, those: impl Fn(&str) -> bool) -> Result<(), OutputError> {
+    for name in entries(folder)?.iter().filter(|name| is_part_name(name) && those(name)) {
+        remove_if_there(&folder.join(name))?;
+    }
+    Ok(())
 }
 
 /// Removes what has a temporary name.
@@ -339,7 +364,9 @@ fn remove_partials(folder: &Path) -> Result<(), OutputError> {
     for name in entries(folder)?.iter().filter(|name| of_partial(name).is_some_and(is_ours)) {
         remove_if_there(&folder.join(name))?;
     }
-    remove_frames(folder, |name| of_partial(name).is_some())
+    let is_partial = |name: &str| of_partial(name).is_some();
+    remove_parts(folder, is_partial)?;
+    remove_frames(folder, is_partial)
 }
 
 /// Removes those of the frames.
@@ -348,27 +375,39 @@ fn remove_frames(folder: &Path, those: impl Fn(&str) -> bool) -> Result<(), Outp
     // A link named `frames` may lead out of the folder: it is refused later, never followed.
     if fs::symlink_metadata(&frames).is_ok_and(|found| found.is_dir()) {
         let names = entries(&frames)?;
-        for name in names.iter().filter(|name| is_frame_name(name) && those(name)) {
+        for name in names.iter().filter(|name| frame_number(name).is_some() && those(name)) {
             remove_if_there(&frames.join(name))?;
         }
     }
     Ok(())
 }
 
-/// `frame_000012.vtu`, `cells_000012.vtu`, `frame_000012.pvtu` or `frame_000012_0003.vtu`, or its temporary name.
-fn is_frame_name(name: &str) -> bool {
-    let whole = of_partial(name).unwrap_or(name);
-    let are_digits =
-        |word: &str, least: usize| word.len() >= least && word.bytes().all(|b| b.is_ascii_digit());
-    let Some((stem, ending)) = whole.split_once('.') else { return false };
-    match (stem.strip_prefix("frame_"), stem.strip_prefix("cells_"), ending) {
-        (Some(number), _, "pvtu") | (_, Some(number), "vtu") => are_digits(number, 6),
+/// The number of a frame of which this is the name of a file, or its temporary name: `frame_000012.vtu`,
+/// `cells_000012.vtu`, `frame_000012.pvtu` or `frame_000012_0003.vtu`.
+fn frame_number(name: &str) -> Option<usize> {
+    let (stem, ending) = of_partial(name).unwrap_or(name).split_once('.')?;
+    let number = match (stem.strip_prefix("frame_"), stem.strip_prefix("cells_"), ending) {
+        (Some(number), _, "pvtu") | (_, Some(number), "vtu") => number,
         (Some(number), _, "vtu") => match number.split_once('_') {
-            Some((number, piece)) => are_digits(number, 6) && are_digits(piece, 4),
-            None => are_digits(number, 6),
+            Some((number, piece)) => of_digits(piece, 4).map(|_| number)?,
+            None => number,
         },
-        _ => false,
-    }
+        _ => return None,
+    };
+    of_digits(number, 6)
+}
+
+/// `checkpoint_0_0003.bin`, or its temporary name.
+fn is_part_name(name: &str) -> bool {
+    let stem = of_partial(name).unwrap_or(name).strip_suffix(".bin");
+    let numbers = stem.and_then(|stem| stem.strip_prefix("checkpoint_")?.split_once('_'));
+    numbers.is_some_and(|(turn, part)| ["0", "1"].contains(&turn) && of_digits(part, 4).is_some())
+}
+
+/// The number that a word of so many digits or more is.
+fn of_digits(word: &str, least: usize) -> Option<usize> {
+    let is_one = word.len() >= least && word.bytes().all(|byte| byte.is_ascii_digit());
+    word.parse().ok().filter(|_| is_one)
 }
 
 fn remove_if_there(path: &Path) -> Result<(), OutputError> {

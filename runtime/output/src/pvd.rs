@@ -57,16 +57,22 @@ impl<'a> FrameSeries<'a> {
         points: &'a Points,
         times: Vec<f64>,
     ) -> Result<FrameSeries<'a>, OutputError> {
-        let series = FrameSeries { folder, form: Form::Whole(points), times }.begun()?;
-        for index in series.times.len().. {
-            if !folder.path_of(OutputFile::Frame(index)).is_file() {
-                break;
-            }
-            folder.remove(OutputFile::Frame(index))?;
-            if series.cells().is_some() {
-                folder.remove(OutputFile::Cells(index))?;
-            }
-        }
+        FrameSeries { folder, form: Form::Whole(points), times }.resumed()
+    }
+
+    /// The same of frames in pieces.
+    pub fn resume_in_pieces(
+        folder: &'a OutputFolder,
+        own: &'a Piece,
+        n_pieces: usize,
+        times: Vec<f64>,
+    ) -> Result<FrameSeries<'a>, OutputError> {
+        FrameSeries { folder, form: Form::Pieces(own, n_pieces), times }.resumed()
+    }
+
+    fn resumed(self) -> Result<FrameSeries<'a>, OutputError> {
+        let series = self.begun()?;
+        series.folder.remove_frames_from(series.times.len())?;
         Ok(series)
     }
 

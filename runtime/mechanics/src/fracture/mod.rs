@@ -172,6 +172,9 @@ pub trait Fracture: Inspection {
     /// How many numbers of bonds there are.
     fn n_bonds(&self) -> usize;
 
+    /// How many numbers of triangles there are, or of tetrahedra, where these have criteria of their own.
+    fn n_cliques(&self, measure: Measure) -> usize;
+
     /// How many triangles, or tetrahedra, there are where these have criteria of their own, and how many of
     /// them broke by these; nothing where they have none. Of a slab those whose owner counts.
     fn counts_of(&self, measure: Measure) -> Option<[usize; 2]>;
@@ -448,6 +451,10 @@ impl Fracture for Breaking {
 
     fn n_bonds(&self) -> usize {
         self.neighborhood.n_bonds()
+    }
+
+    fn n_cliques(&self, measure: Measure) -> usize {
+        self.ranks(measure).map_or(0, Ranks::count)
     }
 
     fn counts(&self) -> [usize; 2] {

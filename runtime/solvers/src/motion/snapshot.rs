@@ -52,8 +52,7 @@ impl Snapshot<'_> {
 
 /// How many numbers bonds have, triangles with criteria of their own, and tetrahedra.
 fn numbers_of(fracture: &dyn Fracture) -> [usize; 3] {
-    let [areas, volumes] =
-        CLIQUES.map(|measure| fracture.counts_of(measure).map_or(0, |counts| counts[0]));
+    let [areas, volumes] = CLIQUES.map(|measure| fracture.n_cliques(measure));
     [fracture.n_bonds(), areas, volumes]
 }
 

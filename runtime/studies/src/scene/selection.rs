@@ -370,9 +370,13 @@ fn steps(dimension: usize) -> Vec<[f64; 3]> {
 /// The lattice spacing, or the edge of a point's mean volume.
 pub(crate) fn typical_spacing(dimension: usize, volumes: &[f64], spacing: Option<f64>) -> f64 {
     spacing.unwrap_or_else(|| {
-        let mean = volumes.iter().sum::<f64>() / volumes.len().max(1) as f64;
-        if dimension == 2 { mean.sqrt() } else { libm::cbrt(mean) }
+        edge_of(dimension, volumes.iter().sum::<f64>() / volumes.len().max(1) as f64)
     })
+}
+
+/// The edge of a square or a cube of a volume.
+pub(crate) fn edge_of(dimension: usize, volume: f64) -> f64 {
+    if dimension == 2 { volume.sqrt() } else { libm::cbrt(volume) }
 }
 
 /// The point next to a place; of several the one that the user listed first.

@@ -28,6 +28,8 @@ pub(super) use cost::cost;
 pub(super) use course::solve;
 pub(super) use ready::{Ready, refused, settings, stopped, with_ready};
 use recorder::Recorder;
+#[cfg(feature = "petsc")]
+pub(super) use recorder::{Mark, header};
 
 /// Runs a case that moves and fills the folder.
 pub(super) fn run(
@@ -63,6 +65,7 @@ fn follow(
     let earlier = if options.resumes { Some(earlier(folder, &hash)?) } else { None };
     let made = match &earlier {
         Some(earlier) => {
+            not_in_parts(earlier, folder)?;
             let from = snapshot(earlier, folder)?;
             motion::Motion::resume(energy, masses, drive, &settings, watch, from)
         }
@@ -152,7 +155,7 @@ fn go(
 }
 
 /// What an earlier run in the folder left of this scene.
-fn earlier(folder: &OutputFolder, hash: &str) -> Result<Checkpoint<'static>, RunError> {
+pub(super) fn earlier(folder: &OutputFolder, hash: &str) -> Result<Checkpoint<'static>, RunError> {
     let none = || OutputError::NoCheckpoint { path: folder.path().to_owned() };
     let earlier = Checkpoint::read(folder)?.ok_or_else(none)?;
     if earlier.header.scene_hash != hash {
@@ -164,6 +167,19 @@ fn earlier(folder: &OutputFolder, hash: &str) -> Result<Checkpoint<'static>, Run
         return Err(CaseError::Body { message }.into());
     }
     Ok(earlier)
+}
+
+/// Refuses what a run by many processes left.
+fn not_in_parts(earlier: &Checkpoint<'_>, folder: &OutputFolder) -> Result<(), CaseError> {
+    let Some(parts) = earlier.header.parts else { return Ok(()) };
+    let message = format!(
+        "the checkpoint is of a run over {}: `mpirun -n {} piola run --petsc --resume {}` goes on, on any number of \
+         ranks",
+        counted(parts.n, "rank"),
+        parts.n,
+        folder.path().display()
+    );
+    Err(CaseError::Body { message })
 }
 
 /// Where the motion stood.

@@ -30,7 +30,7 @@ pub(super) struct Run<'a> {
 }
 
 /// What checkpoints know of a run.
-pub(super) fn header(origin: Origin<'_>, hash: &str) -> Header {
+pub(in crate::simulation) fn header(origin: Origin<'_>, hash: &str) -> Header {
     let (scene, settings) = (origin.scene.to_owned(), origin.settings.to_vec());
     Header { scene, settings, scene_hash: hash.to_owned(), ..Header::default() }
 }
@@ -65,11 +65,11 @@ pub(super) struct Recorder<'a> {
 
 /// How far the output is.
 #[derive(Clone, Debug, Default)]
-struct Mark {
-    tables: Vec<u64>,
-    frames: usize,
-    worst: Unclosed,
-    tracks: Option<Progress>,
+pub(in crate::simulation) struct Mark {
+    pub(in crate::simulation) tables: Vec<u64>,
+    pub(in crate::simulation) frames: usize,
+    pub(in crate::simulation) worst: Unclosed,
+    pub(in crate::simulation) tracks: Option<Progress>,
 }
 
 /// Arrays of a checkpoint beside those of the motion.

@@ -10,7 +10,8 @@
 //! | `slab` | forces and tangent of own points, as PETSc asks for them |
 //! | `steps` | load steps |
 //! | `moves` | bodies in motion |
-//! | `record` | sums over all ranks, and what rank 0 writes of them |
+//! | `checkpoint` | where a motion stands, in parts |
+//! | `record`, `recorder` | what rank 0 writes: of load steps, with sums over all ranks; of motions |
 //! | `view` | frames in pieces, and what rank 0 sees of a body for its picture |
 //!
 //! Energies, kernels and neighbourhoods are those of a run by one process, of the part of the body that a rank holds:
@@ -18,11 +19,13 @@
 //! whose points the displacements come from their owners. Newton's method, Krylov methods and multigrid are PETSc's.
 //! All ranks read the scene. Of a lattice each makes its part; clouds and meshes all read, and keep theirs.
 
+mod checkpoint;
 mod exchange;
 mod lattice;
 mod moves;
 mod parts;
 mod record;
+mod recorder;
 mod rows;
 mod share;
 mod slab;
@@ -304,10 +307,6 @@ fn refuse(case: &Case) -> Result<(), CaseError> {
         (
             case.n_states() > 0 && case.potentials.iter().any(families),
             "families that remember run in one process: leave --petsc out",
-        ),
-        (
-            !scene.tracks.is_empty(),
-            "cracks are followed in one process: leave --petsc out, or the [[track]]s of the scene",
         ),
         (
             motion.is_none()

@@ -1,46 +1,45 @@
 //! Bodies in motion over ranks: each moves its own points, and rank 0 writes.
 
+use std::time::Duration;
+
 use piola_grammar::counted;
-use piola_mechanics::energy::{Energy as _, Total};
 use piola_mechanics::interaction::Inverted;
-use piola_mechanics::kernel::Measure;
-use piola_output::fracture::{FractureColumns, FractureRow};
-use piola_output::motion::{MotionColumns, MotionTables};
-use piola_output::picture::{Charts, Picture};
-use piola_output::pvd::FrameSeries;
+use piola_output::checkpoint::{Checkpoint, Parts};
 use piola_output::summary::{ExitReason, PhaseClock, Summary};
 use piola_output::{OutputError, OutputFile, OutputFolder};
 use piola_petsc::Engine;
 use piola_solvers::march::{Advance, March as _, State};
 use piola_solvers::motion::{self, MotionDrive as _, MotionError, Row};
 
+use super::checkpoint::{Store, folder_of_all};
 use super::exchange::Exchange;
+use super::parts::ends;
+use super::recorder::{FRAME_TIMES, Recorder, STEP};
 use super::steps::{agreed, lost};
-use super::view::{Look, Shown, Sketch, View};
+use super::view::{Shown, View, gathered};
 use super::{Begun, own_of};
 use crate::case::CaseError;
-use crate::scene::Motion;
 use crate::scene::boundary::BoundaryConditions;
 use crate::scene::drive::{MotionConditions, initial};
-use crate::scene::selection::Selection;
-use crate::simulation::motion::course::Unclosed;
+use crate::scene::selection::{Selection, edge_of};
+use crate::scene::{Motion, Points};
 use crate::simulation::motion::driven::Driven;
 use crate::simulation::motion::told::{self, Seen};
-use crate::simulation::motion::{refused, settings, stopped};
+use crate::simulation::motion::{earlier, header, refused, settings, stopped};
 use crate::simulation::point_fields::PointFields;
-use crate::simulation::run::{Ending, RunError, enter, frame, summary};
+use crate::simulation::run::{Ending, RunError, enter, frame, hash, summary};
+use crate::simulation::tracks::{self, Damaged, Lookout};
 
 /// Why a motion ended that did not come to its end, in the order of what ranks tell each other.
 const REASONS: [ExitReason; 3] = [ExitReason::NonFinite, ExitReason::Singular, ExitReason::Failed];
 
-/// Moves a body from its start to its end. Collective.
+/// Moves a body from its start to its end, or from where an earlier run left it. Collective.
 pub(super) fn run(
     begun: &Begun<'_>,
     scene: &Motion,
     clock: PhaseClock,
 ) -> Result<Ending, RunError> {
-    let Begun { engine, case, share, selection, .. } = *begun;
-    let broken = broken(engine, begun.energy);
+    let Begun { engine, case, share, selection, energy, .. } = *begun;
     // What ranks own is driven; of the halo's points their owners know.
     let own = own_of(selection, share);
     let boundary = BoundaryConditions::new(&case.scene, &case.body, &own);
@@ -53,9 +52,29 @@ pub(super) fn run(
     let drive = Driven::new(conditions, begun.fields);
     let start = agreed(engine, initial(&boundary).map_err(CaseError::from))?;
     let exchange = Exchange::new(engine, share, case.body.dimension()).map_err(lost)?;
-    let settings = settings(case, scene);
-    let (energy, watch) = (begun.energy, begun.watch);
-    let made = motion::Motion::among(&exchange, energy, &masses, start, &drive, &settings, watch);
+    let extents = Extents::of(begun);
+    let lookout = Lookout::new(case, energy, selection, (extents.spacing, share.held.start));
+    let fields = PointFields { case, energy, selection, masses: Some(&masses) };
+    let view = View::new((engine, share), begun.parts, &fixed, begun.folder)?;
+    let hash = hash(case, &case.scene.resolved_toml());
+    let folder = folder_of_all(engine, begun.folder.map(OutputFolder::path));
+    let store = Store::new(begun, folder, &hash);
+    let sight = Sight { begun, fields, own: &own, lookout, extents, view: &view };
+    let before = sight.cracks();
+    let earlier = match begun.options.resumes {
+        true => Some(agreed(engine, left(begun, &hash))?),
+        false => None,
+    };
+    let (settings, watch) = (settings(case, scene), begun.watch);
+    let made = match &earlier {
+        Some((_, stand)) => {
+            let Stand { parts, step, .. } = *stand;
+            let from = agreed(engine, store.read(parts, step).map_err(RunError::from))?;
+            let (all, drive) = ((&exchange, energy), &drive);
+            motion::Motion::resume_among(all.0, all.1, &masses, drive, &settings, watch, from)
+        }
+        None => motion::Motion::among(&exchange, energy, &masses, start, &drive, &settings, watch),
+    };
     let mut motion = match made {
         Ok(motion) => motion,
         Err(error) => {
@@ -66,33 +85,48 @@ pub(super) fn run(
             return Err(agreed(engine, own).err().unwrap_or_else(|| nothing_said().into()));
         }
     };
-    let fields = PointFields { case, energy, selection, masses: Some(&masses) };
-    let view = View::new((engine, share), begun.parts, &fixed, begun.folder)?;
-    let sight = Sight { begun, fields, own: &own, broken, view: &view };
-    moved(&sight, scene, &mut motion, (&drive, &exchange), clock)
+    if let Ok(interval) = Duration::try_from_secs_f64(case.scene.output.checkpoint) {
+        motion.pause_every(interval);
+    }
+    let of = Of { sight: &sight, drive: &drive, exchange: &exchange, store: &store };
+    moved(&of, scene, &mut motion, (before, earlier), clock)
 }
 
-/// The same from there on.
+/// What a motion is followed with.
+struct Of<'a> {
+    sight: &'a Sight<'a>,
+    drive: &'a Driven<'a>,
+    exchange: &'a Exchange<'a>,
+    store: &'a Store<'a>,
+}
+
+/// The same from there on, with what is seen of cracks before anything moves and what an earlier run left.
 fn moved(
-    sight: &Sight<'_>,
+    of: &Of<'_>,
     scene: &Motion,
     motion: &mut motion::Motion<'_, Exchange<'_>>,
-    (drive, exchange): (&Driven<'_>, &Exchange<'_>),
+    (before, earlier): (Option<tracks::Seen>, Option<(Option<Checkpoint<'_>>, Stand)>),
     mut clock: PhaseClock,
 ) -> Result<Ending, RunError> {
+    let sight = of.sight;
     let Begun { engine, case, folder, energy, share, .. } = *sight.begun;
     let masses = sight.fields.masses.unwrap_or_default();
     enter(&mut clock, sight.begun.watch, "move");
     let resolved = case.scene.resolved_toml();
-    let begun = match (folder, &sight.view.sketch) {
+    let (head, stand) = earlier.map_or((None, None), |(head, stand)| (head, Some(stand)));
+    let made = match (folder, &sight.view.sketch) {
         (Some(folder), Some(sketch)) => {
             let kept = folder.write(OutputFile::ResolvedScene, resolved.as_bytes());
-            kept.and_then(|()| Recorder::new(sight, folder, sketch).map(Some))
+            let known = header(sight.begun.options.origin, &of.store.hash);
+            let place = (sight, folder, sketch);
+            kept.and_then(|()| Recorder::new(place, known, before, head.as_ref()).map(Some))
         }
         _ => Ok(None),
     };
-    let mut recorder = agreed(engine, begun.map_err(RunError::from))?;
-    let gone = go(sight, motion, &mut recorder, (drive, exchange))?;
+    drop(head);
+    let mut recorder = agreed(engine, made.map_err(RunError::from))?;
+    let resumed = stand.as_ref().map(|_| motion.step_reached());
+    let gone = go(of, motion, &mut recorder, stand)?;
     enter(&mut clock, sight.begun.watch, "output");
     let Gone { reason, message, last, frames } = gone;
     if let Some(last) = &last {
@@ -107,7 +141,7 @@ fn moved(
     }
     let mut mass = [masses[share.own_of_held()].iter().fold(0.0, |sum, one| sum + one)];
     engine.sum(&mut mass);
-    let steps = last.as_ref().map_or(0, |last| last.row.step);
+    let steps = last.as_ref().map_or(resumed.unwrap_or(0), |last| last.row.step);
     let mut warnings = notes(engine, motion.notes());
     warnings.extend(told::unstable(scene, motion));
     let ending = Ending {
@@ -132,17 +166,60 @@ fn moved(
             let options = sight.begun.options.clone();
             let title = options.title;
             let told = last.as_ref().map(|last| {
-                let told = (&last.row, recorder.worst.share(), None);
+                let told = (&last.row, recorder.worst.share(), resumed);
                 told::summary((scene, motion), told, energy, mass[0])
             });
             let summary = summary(case, energy, (&ending, options), &resolved, &mut clock);
             let summary = Summary { motion: told, ..sight.begun.of_whole(summary, bonds) };
-            summary.write(folder).and_then(|()| recorder.finish(title))
+            let written = summary.write(folder).and_then(|()| recorder.finish(title));
+            written.and_then(|()| match reason {
+                ExitReason::Completed => folder.remove_checkpoint(),
+                _ => Ok(()),
+            })
         }
         _ => Ok(()),
     };
     agreed(engine, written.map_err(RunError::from))?;
     Ok(ending)
+}
+
+/// What all ranks know of where an earlier run stood.
+#[derive(Clone, Copy, Default)]
+struct Stand {
+    parts: Parts,
+    step: f64,
+    /// How many frames there are.
+    frames: usize,
+}
+
+/// What an earlier run left of this scene: on rank 0 what it knew of the whole. Collective; an error is one of rank 0.
+fn left(begun: &Begun<'_>, hash: &str) -> Result<(Option<Checkpoint<'static>>, Stand), RunError> {
+    let found = begun.folder.map(|folder| {
+        let head = earlier(folder, hash)?;
+        let by_one = format!(
+            "the checkpoint in `{}` is of a run by one process: leave --petsc out",
+            folder.path().display()
+        );
+        let parts = head.header.parts.ok_or(CaseError::Body { message: by_one })?;
+        let path = folder.path_of(OutputFile::Checkpoint);
+        let step = head.array(STEP).and_then(|step| step.first()).copied();
+        let step = step.ok_or(OutputError::Checkpoint { path })?;
+        let frames = head.array(FRAME_TIMES).map_or(0, <[f64]>::len);
+        Ok((head, Stand { parts, step, frames }))
+    });
+    let stand = match &found {
+        Some(Ok((_, stand))) => *stand,
+        _ => Stand::default(),
+    };
+    let Stand { parts: Parts { n, turn }, step, frames } = stand;
+    let numbers = [n as u64, turn as u64, step.to_bits(), frames as u64];
+    let mut bytes = numbers.map(u64::to_le_bytes).concat();
+    begun.engine.broadcast(&mut bytes);
+    let mut numbers = bytes.as_chunks::<8>().0.iter().map(|eight| u64::from_le_bytes(*eight));
+    let mut next = || numbers.next().unwrap_or_default();
+    let parts = Parts { n: next() as usize, turn: next() as usize };
+    let stand = Stand { parts, step: f64::from_bits(next()), frames: next() as usize };
+    found.map_or(Ok((None, stand)), |found| found.map(|(head, _)| (Some(head), stand)))
 }
 
 /// How a motion has ended.
@@ -162,42 +239,39 @@ struct Last {
     is_shown: bool,
 }
 
-/// Goes to the end, or to where the motion stops, with what rows bring. Collective.
+/// Goes to the end, or to where the motion stops, with what rows bring, and a checkpoint now and then. Collective.
 fn go(
-    sight: &Sight<'_>,
+    of: &Of<'_>,
     motion: &mut motion::Motion<'_, Exchange<'_>>,
     recorder: &mut Option<Recorder<'_>>,
-    (drive, exchange): (&Driven<'_>, &Exchange<'_>),
+    stand: Option<Stand>,
 ) -> Result<Gone, RunError> {
-    let Begun { engine, case, .. } = *sight.begun;
-    let (mut n_frames, mut last) = (0, None);
-    let mut next = motion.advance_to(0);
+    let Begun { engine, case, .. } = *of.sight.begun;
+    let (mut n_frames, mut last) = (stand.map_or(0, |stand| stand.frames), None);
+    let mut turn = stand.map_or(0, |stand| 1 - stand.parts.turn.min(1));
+    // The row that it starts from stands in the tables of a run that is taken up.
+    let mut next = if stand.is_some() { motion.advance() } else { motion.advance_to(0) };
     let (reason, message) = loop {
         match next {
             Ok(Advance::Step(row)) => {
                 let is_due = told::is_due(case, n_frames, row.t);
-                let moment = Moment::of(row.t, &motion.state());
-                let seen = sight.seen(&moment);
-                let shown = if is_due { sight.show(&moment, n_frames)? } else { None };
+                last = Some(see(of.sight, recorder, (row, motion), is_due.then_some(n_frames))?);
                 n_frames += usize::from(is_due);
-                let written = match recorder {
-                    Some(recorder) => recorder.record(&row, seen, shown),
-                    None => Ok(()),
-                };
-                agreed(engine, written.map_err(RunError::from))?;
-                // Of a row that is a frame nothing but displacements is asked any more.
-                let moment = if is_due { moment.without_forces() } else { moment };
-                last = Some(Last { row, seen: moment, is_shown: is_due });
             }
-            Ok(Advance::Pause) => {}
+            Ok(Advance::Pause) => save(of, motion, recorder, &mut turn)?,
             Ok(Advance::End) => break (ExitReason::Completed, String::new()),
             Ok(Advance::Interrupted) => {
+                save(of, motion, recorder, &mut turn)?;
                 let t = motion.time_reached();
-                break (ExitReason::Interrupted, format!("interrupted at t = {t:e} s"));
+                let message = format!(
+                    "interrupted; the motion has come to t = {t:e} s, `piola run --petsc --resume {}` on any                      number of ranks goes on",
+                    of.store.folder.display()
+                );
+                break (ExitReason::Interrupted, message);
             }
             Err(error) => {
-                let told = |own| stopped(case, drive, own);
-                let (reason, message) = ended(engine, error, told, exchange);
+                let told = |own| stopped(case, of.drive, own);
+                let (reason, message) = ended(engine, error, told, of.exchange);
                 let behind = last.as_ref().map_or_else(String::new, |last: &Last| {
                     format!("; the last row is that of t = {:e} s", last.row.t)
                 });
@@ -209,12 +283,41 @@ fn go(
     Ok(Gone { reason, message, last, frames: n_frames })
 }
 
-/// Bonds, triangles and tetrahedra that are broken in all of the body. Collective.
-fn broken(engine: &Engine, energy: &Total<'_>) -> [usize; 3] {
-    let own = energy.fracture().map_or([0; 3], |fracture| fracture.n_broken());
-    let mut counts = own.map(|count| count as f64);
-    engine.sum(&mut counts);
-    counts.map(|count| count as usize)
+/// Records a row, with the frame of this number if one is due. Collective.
+fn see(
+    sight: &Sight<'_>,
+    recorder: &mut Option<Recorder<'_>>,
+    (row, motion): (Row, &motion::Motion<'_, Exchange<'_>>),
+    frame: Option<usize>,
+) -> Result<Last, RunError> {
+    let moment = Moment::of(row.t, &motion.state());
+    let (seen, cracks) = (sight.seen(&moment), sight.cracks());
+    let shown = frame.map_or(Ok(None), |number| sight.show(&moment, number))?;
+    let written = match recorder {
+        Some(recorder) => recorder.record(&row, seen, cracks, shown),
+        None => Ok(()),
+    };
+    agreed(sight.begun.engine, written.map_err(RunError::from))?;
+    // Of a row that is a frame nothing but displacements is asked any more.
+    let is_shown = frame.is_some();
+    let seen = if is_shown { moment.without_forces() } else { moment };
+    Ok(Last { row, seen, is_shown })
+}
+
+/// Leaves a checkpoint: first the parts, of this turn, then what names them. Collective.
+fn save(
+    of: &Of<'_>,
+    motion: &motion::Motion<'_, Exchange<'_>>,
+    recorder: &mut Option<Recorder<'_>>,
+    turn: &mut usize,
+) -> Result<(), RunError> {
+    let engine = of.sight.begun.engine;
+    of.store.write(motion, *turn)?;
+    let parts = Parts { n: engine.ranks(), turn: *turn };
+    let written = recorder.as_mut().map_or(Ok(()), |recorder| recorder.save(motion, parts));
+    agreed(engine, written.map_err(RunError::from))?;
+    *turn = 1 - *turn;
+    Ok(())
 }
 
 fn nothing_said() -> CaseError {
@@ -256,27 +359,60 @@ fn notes(engine: &Engine, own: &[String]) -> Vec<String> {
 }
 
 /// What a rank sees of its part.
-struct Sight<'a> {
-    begun: &'a Begun<'a>,
+pub(super) struct Sight<'a> {
+    pub(super) begun: &'a Begun<'a>,
     /// Of what it holds.
     fields: PointFields<'a>,
     /// What of sets it owns.
     own: &'a Selection,
-    /// Bonds, triangles and tetrahedra of the body that were broken before anything moved.
-    broken: [usize; 3],
-    view: &'a View<'a>,
+    lookout: Option<Lookout<'a>>,
+    pub(super) extents: Extents,
+    pub(super) view: &'a View<'a>,
+}
+
+/// How large the body is, in m.
+pub(super) struct Extents {
+    /// Between points that are typical neighbours.
+    spacing: f64,
+    /// Along each axis.
+    pub(super) sides: Vec<f64>,
+}
+
+impl Extents {
+    /// Collective.
+    fn of(begun: &Begun<'_>) -> Extents {
+        let Begun { engine, case, share, .. } = *begun;
+        let (body, own) = (case.body.as_ref(), share.own_of_held());
+        let d = body.dimension();
+        let volume = body.volumes()[own.clone()].iter().fold(0.0, |sum, volume| sum + volume);
+        let mut sums = [volume, own.len() as f64];
+        engine.sum(&mut sums);
+        let edge = edge_of(d, sums[0] / sums[1]);
+        let ends = ends(body, own, engine);
+        let side = |axis: usize| match &case.scene.body.points {
+            Points::Lattice(shape) => shape.high[axis] - shape.low[axis],
+            Points::Cloud { .. } | Points::Mesh(_) => edge + ends[d + axis] - ends[axis],
+        };
+        Extents { spacing: body.spacing().unwrap_or(edge), sides: (0..d).map(side).collect() }
+    }
 }
 
 impl Sight<'_> {
-    /// What the tables have columns for.
-    fn columns(&self) -> MotionColumns {
-        let Begun { case, energy, selection, .. } = *self.begun;
-        let fracture = energy.fracture().map(|fracture| FractureColumns {
-            cliques: [Measure::Area, Measure::Volume]
-                .map(|measure| fracture.counts_of(measure).is_some()),
-            tracks: Vec::new(),
-        });
-        told::columns(case, energy, selection, fracture)
+    /// What there is to see of cracks in the whole body: on rank 0, and nothing where nothing can break. Collective.
+    fn cracks(&self) -> Option<tracks::Seen> {
+        let (engine, lookout) = (self.begun.engine, self.lookout.as_ref()?);
+        let own = lookout.seen();
+        let mut counts = own.broken.map(|count| count.unwrap_or(0) as f64);
+        engine.sum(&mut counts);
+        let whole = |kind: usize| own.broken[kind].map(|_| counts[kind] as usize);
+        let mut numbers = Vec::new();
+        own.damaged.iter().for_each(|damaged| damaged.add_to(&mut numbers));
+        let mut all = gathered(engine, &numbers)?.into_iter();
+        let mut damaged = vec![Damaged::default(); own.damaged.len()];
+        for _ in 0..engine.ranks() {
+            damaged.iter_mut().for_each(|damaged| damaged.extend(&mut all));
+        }
+        Some(tracks::Seen { broken: [0, 1, 2].map(whole), damaged })
     }
 
     /// What tables tell of sets and probes of the whole body. Collective.
@@ -331,83 +467,5 @@ impl Moment {
             velocities: state.velocities.to_vec(),
             residual: residual.collect(),
         }
-    }
-}
-
-/// Writes what the rows bring: on rank 0.
-struct Recorder<'a> {
-    sight: &'a Sight<'a>,
-    folder: &'a OutputFolder,
-    sketch: &'a Sketch,
-    frames: FrameSeries<'a>,
-    tables: MotionTables,
-    /// Bonds, triangles and tetrahedra that were broken at the last row.
-    broken: [usize; 3],
-    worst: Unclosed,
-    last: Option<Look>,
-}
-
-impl<'a> Recorder<'a> {
-    fn new(
-        sight: &'a Sight<'a>,
-        folder: &'a OutputFolder,
-        sketch: &'a Sketch,
-    ) -> Result<Recorder<'a>, OutputError> {
-        let tables = MotionTables::new(folder, &sight.columns())?;
-        let frames = sight.view.series(folder, sketch)?;
-        let worst = Unclosed::default();
-        let broken = sight.broken;
-        Ok(Recorder { sight, folder, sketch, frames, tables, broken, worst, last: None })
-    }
-
-    fn record(
-        &mut self,
-        row: &Row,
-        mut seen: Seen,
-        shown: Option<Shown>,
-    ) -> Result<(), OutputError> {
-        self.worst.note(row);
-        seen.fracture = row.broken.map(|bonds| self.fracture_row(row, bonds));
-        self.tables.push(&told::row(row, self.sight.begun.energy, seen))?;
-        self.show(shown)
-    }
-
-    fn show(&mut self, shown: Option<Shown>) -> Result<(), OutputError> {
-        let Some(Shown { look, listed }) = shown else { return Ok(()) };
-        self.last = Some(look);
-        listed.map_or(Ok(()), |frame| self.frames.push(&frame))
-    }
-
-    /// What is broken, and how much of it since the row before.
-    fn fracture_row(&mut self, row: &Row, bonds: usize) -> FractureRow {
-        let [areas, volumes] = row.broken_cliques;
-        let now = [Some(bonds), areas, volumes];
-        let before = self.broken;
-        let counts = |kind: usize| now[kind].map(|count: usize| [count - before[kind], count]);
-        self.broken = now.map(Option::unwrap_or_default);
-        FractureRow {
-            t: row.t,
-            bonds: [bonds - before[0], bonds],
-            cliques: [counts(1), counts(2)],
-            released: row.released,
-            tracks: Vec::new(),
-        }
-    }
-
-    /// The picture of the last row.
-    fn finish(self, title: &str) -> Result<(), OutputError> {
-        let Begun { case, energy, .. } = *self.sight.begun;
-        let Some(Look { frame, colour }) = &self.last else { return Ok(()) };
-        let [energies, probes] = MotionTables::series(self.folder, &self.sight.columns())?;
-        let picture = Picture {
-            title: &case.headline(title, energy.parts()),
-            points: &self.sketch.points,
-            n_points: self.sight.view.n_points(),
-            frame,
-            sets: &self.sketch.sets,
-            colour: colour.as_ref(),
-            charts: Charts::Times { energies: &energies, probes: &probes },
-        };
-        picture.write(self.folder)
     }
 }

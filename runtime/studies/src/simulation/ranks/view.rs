@@ -1,7 +1,7 @@
 //! What ranks show of a body: frames, of which each writes its own points, and on rank 0 the picture of so many points
 //! as a picture shows.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use piola_mechanics::body::Body;
 use piola_output::picture::{Colour, NamedPoints};
@@ -11,6 +11,7 @@ use piola_output::table::write_displacement_of;
 use piola_output::{Frame, OutputError, OutputFolder, PointField, Points};
 use piola_petsc::{Engine, EngineError, Halo};
 
+use super::checkpoint::folder_of_all;
 use super::parts::{Parts, ends};
 use super::share::Share;
 use super::steps::{agreed, lost};
@@ -119,6 +120,22 @@ impl<'a> View<'a> {
         match &self.pieces {
             Some(pieces) => FrameSeries::in_pieces(folder, &pieces.piece, self.engine.ranks()),
             None => FrameSeries::new(folder, &sketch.points),
+        }
+    }
+
+    /// The same behind those of an earlier run, at these times in s.
+    pub(super) fn series_behind<'s>(
+        &'s self,
+        folder: &'s OutputFolder,
+        sketch: &'s Sketch,
+        times: Vec<f64>,
+    ) -> Result<FrameSeries<'s>, OutputError> {
+        match &self.pieces {
+            Some(pieces) => {
+                let n = self.engine.ranks();
+                FrameSeries::resume_in_pieces(folder, &pieces.piece, n, times)
+            }
+            None => FrameSeries::resume(folder, &sketch.points, times),
         }
     }
 
@@ -353,13 +370,7 @@ impl<'e> Pieces<'e> {
         let last = own.end + if body.spacing().is_some() { behind } else { 0 };
         let borrowed: Vec<u64> =
             (own.end..last).map(|point| (share.held.start + point) as u64).collect();
-        let mut path = folder.map_or_else(Vec::new, |folder| {
-            let path = std::path::absolute(folder.path());
-            let path = path.as_deref().unwrap_or(folder.path());
-            path.to_string_lossy().into_owned().into_bytes()
-        });
-        engine.broadcast(&mut path);
-        let folder = Path::new(String::from_utf8_lossy(&path).as_ref()).to_owned();
+        let folder = folder_of_all(engine, folder.map(OutputFolder::path));
         let (d, points) = (body.dimension(), own.start..last);
         let number = |point: usize| f64::from(body.user_index()[point]);
         let piece = Piece {

@@ -3,6 +3,7 @@
 mod moves;
 #[path = "../../runtime/petsc/tests/support/mpirun.rs"]
 mod mpirun;
+mod resumed;
 #[path = "../support/mod.rs"]
 mod support;
 

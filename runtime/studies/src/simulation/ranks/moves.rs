@@ -264,7 +264,8 @@ fn go(
                 save(of, motion, recorder, &mut turn)?;
                 let t = motion.time_reached();
                 let message = format!(
-                    "interrupted; the motion has come to t = {t:e} s, `piola run --petsc --resume {}` on any                      number of ranks goes on",
+                    "interrupted; the motion has come to t = {t:e} s, `piola run --petsc --resume {}` on any \
+                     number of ranks goes on",
                     of.store.folder.display()
                 );
                 break (ExitReason::Interrupted, message);

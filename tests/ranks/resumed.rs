@@ -6,7 +6,7 @@ use std::process::Command;
 use std::sync::PoisonError;
 use std::time::{Duration, Instant};
 
-use super::moves::{counts_of_fracture, torn, viscous};
+use super::moves::{counts_of_fracture, gathering, torn, viscous};
 use super::support::{SceneFolder, piola};
 use super::{LIMIT, TURN, VECTORS, difference, end, on_ranks, start};
 
@@ -164,4 +164,9 @@ fn cliques_go_on_with_what_they_remember() {
 fn viscous_bonds_go_on_after_an_interruption() {
     let scene = viscous("[motion]\nend = \"30 us\"\ndamping = 1e3");
     check_resumed("viscous", &scene, "-TERM");
+}
+
+#[test]
+fn points_that_remember_go_on() {
+    check_resumed("gathering", &gathering(), "-KILL");
 }

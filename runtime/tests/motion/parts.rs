@@ -62,6 +62,21 @@ impl Others for Part<'_> {
         values.copy_from_slice(&whole[first * d..self.held.end * d]);
     }
 
+    fn are_there(&self) -> bool {
+        true
+    }
+
+    fn share(&self, pairs: &mut Vec<[usize; 2]>) {
+        let first = self.held.start;
+        let own: Vec<f64> = pairs.iter().flatten().map(|point| (first + point) as f64).collect();
+        let all = self.all(&own).concat();
+        let is_held = |pair: &&[f64; 2]| pair.iter().all(|x| self.held.contains(&(*x as usize)));
+        let held = all.as_chunks::<2>().0.iter().filter(is_held);
+        *pairs = held.map(|pair| pair.map(|number| number as usize - first)).collect();
+        pairs.sort_unstable();
+        pairs.dedup();
+    }
+
     fn sum(&self, numbers: &mut [f64]) {
         self.reduce(numbers, |sum, part| sum + part);
     }

@@ -411,6 +411,10 @@ impl Energy for Total<'_> {
         Ok(found?.concat())
     }
 
+    fn has_field_conditions(&self) -> bool {
+        self.terms.iter().any(|term| term.has_field_conditions())
+    }
+
     fn has_field_states(&self) -> bool {
         self.terms.iter().any(|term| term.has_field_states())
     }

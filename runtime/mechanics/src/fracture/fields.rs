@@ -1,6 +1,8 @@
 //! Bonds that break by deformation gradients and by gathered values: those of bonds each by its own, by those of
 //! a point all of its bonds; and what is remembered with these.
 
+use std::sync::PoisonError;
+
 use super::criteria::margin::{WithMargins, over_rest};
 use super::{Breaking, Interactions, Judged, Release, Status};
 use crate::energy::{Energy as _, NonFinite};
@@ -83,14 +85,39 @@ impl Breaking {
         u: &[f64],
         mut bonds: Vec<usize>,
     ) -> Result<Vec<usize>, NonFinite> {
-        let judged = status.energy.field_margins(u, Asked::Breaking)?;
-        if judged.is_empty() {
+        let decided = self.decided.lock().unwrap_or_else(PoisonError::into_inner).take();
+        let found = match decided {
+            Some(decided) => decided.into_iter().filter(|bond| !status.is_broken[*bond]).collect(),
+            None => self.judged(status, u)?,
+        };
+        if found.is_empty() {
             return Ok(bonds);
         }
-        bonds.extend(judged.iter().flat_map(|one| self.bonds_of(status, one)));
+        bonds.extend(found);
         bonds.sort_unstable();
         bonds.dedup();
         Ok(bonds)
+    }
+
+    /// The bonds that break by fields at displacements `u`, some of them twice.
+    fn judged(&self, status: &Status, u: &[f64]) -> Result<Vec<usize>, NonFinite> {
+        let judged = status.energy.field_margins(u, Asked::Breaking)?;
+        Ok(judged.iter().flat_map(|one| self.bonds_of(status, one)).collect())
+    }
+
+    /// See [`super::Fracture::judged_by_families`].
+    pub(super) fn broken_by_families(&self, u: &[f64]) -> Result<Vec<[usize; 2]>, NonFinite> {
+        let mut bonds = self.judged(&self.now(), u)?;
+        bonds.sort_unstable();
+        bonds.dedup();
+        Ok(bonds.into_iter().map(|bond| self.neighborhood.ends(bond)).collect())
+    }
+
+    /// See [`super::Fracture::decide_for_families`].
+    pub(super) fn decide(&self, bonds: &[[usize; 2]]) {
+        let numbers = bonds.iter().filter_map(|ends| self.neighborhood.bond_between(*ends));
+        let mut decided = self.decided.lock().unwrap_or_else(PoisonError::into_inner);
+        *decided = Some(numbers.collect());
     }
 
     /// The bonds that fields judge, with their margins over those at rest.

@@ -39,7 +39,7 @@ mod states;
 mod walk;
 
 use std::ops::Range;
-use std::sync::{Arc, OnceLock, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
 
 use crate::body::Body;
 use crate::dissipation::Dashpots;
@@ -82,6 +82,20 @@ pub trait Fracture: Inspection {
     /// # Errors
     /// As [`Fracture::advance`].
     fn advance_behind_forces(&self, u: &[f64], way: (f64, &[f64])) -> Result<Release, NonFinite>;
+
+    /// Whether bonds break by conditions of deformation gradients, or of gathered values.
+    fn has_family_conditions(&self) -> bool;
+
+    /// The bonds that break at displacements `u` in m by such conditions at the points that [count](Energy::counted), by
+    /// their ends.
+    ///
+    /// # Errors
+    /// Margins that are not finite.
+    fn judged_by_families(&self, u: &[f64]) -> Result<Vec<[usize; 2]>, NonFinite>;
+
+    /// When bonds break the next time, those between these ends do by such conditions, and no others: of a slab the owners
+    /// of families have judged them.
+    fn decide_for_families(&self, bonds: &[[usize; 2]]);
 
     /// From now on energies follow what comes to be remembered in `dt` s, as load steps ask: forces are those
     /// at the states that come of it, and the tangent is their derivative, where the laws are made for it;
@@ -210,6 +224,8 @@ pub struct Breaking {
     /// Bonds that count as if they had never been there, ascending.
     absent: Vec<usize>,
     status: Arc<RwLock<Status>>,
+    /// What others have decided that breaks next by conditions of families.
+    decided: Mutex<Option<Vec<usize>>>,
     /// What is kept for those who look.
     inspected: Inspected,
 }
@@ -281,6 +297,7 @@ impl Breaking {
             dissipation: None,
             absent,
             status,
+            decided: Mutex::default(),
             inspected: Inspected::default(),
         };
         breaking.take_out(&breaking.absent);
@@ -373,6 +390,18 @@ impl Fracture for Breaking {
         let exceeding = self.now().energy.exceeding();
         let breaking = self.judge(u, &exceeding.unwrap_or_else(|| self.all_owners()))?;
         self.break_all(u, way, &breaking)
+    }
+
+    fn has_family_conditions(&self) -> bool {
+        self.now().energy.has_field_conditions()
+    }
+
+    fn judged_by_families(&self, u: &[f64]) -> Result<Vec<[usize; 2]>, NonFinite> {
+        self.broken_by_families(u)
+    }
+
+    fn decide_for_families(&self, bonds: &[[usize; 2]]) {
+        self.decide(bonds);
     }
 
     fn follow(&self, dt: Option<f64>) {

@@ -64,7 +64,9 @@ impl<O: Others> Motion<'_, O> {
         }
         self.others.bring(&mut self.u.value);
         self.foresee_velocities();
-        let broken = begun.and_then(|before| self.arrive_with_forces(before, wants_row));
+        let ready = begun.and_then(|before| self.end_way(before));
+        let judged = self.judge_families(ready.is_ok());
+        let broken = ready.and(judged).and_then(|()| self.arrive_with_forces(wants_row));
         self.hear_of_stops();
         broken?;
         self.ask_dissipation()?;
@@ -73,12 +75,7 @@ impl<O: Others> Motion<'_, O> {
     }
 
     /// Forces where a step has led, and what breaks there.
-    fn arrive_with_forces(
-        &mut self,
-        before: Option<f64>,
-        wants_row: bool,
-    ) -> Result<(), MotionError> {
-        self.end_way(before)?;
+    fn arrive_with_forces(&mut self, wants_row: bool) -> Result<(), MotionError> {
         self.ask_loads(false)?;
         let remembers = self.energy.fracture().is_some_and(|fracture| fracture.n_states() > 0);
         if remembers {
@@ -115,14 +112,21 @@ impl<O: Others> Motion<'_, O> {
         }
     }
 
-    /// Takes what bonds leave into the account, and tells when energy comes out of nothing for the first time;
-    /// where families that end a motion have become too small, this step is the last.
+    /// Takes what bonds leave into the account; where families that end a motion have become too small, this step is the
+    /// last.
     fn take_in(&mut self, released: &Release) {
         self.balance.release(released);
         if released.breaks() {
             self.stopped = self.too_small();
         }
-        let gained = -(released.energy.min(0.0) + released.dissipated.min(0.0));
+        self.left_behind[0] += released.energy;
+        self.left_behind[1] += released.dissipated;
+    }
+
+    /// Tells when energy comes out of nothing for the first time, where so much was released in a step and dissipated, in
+    /// J, by all parts.
+    pub(super) fn tell_of_gains(&mut self, [released, dissipated]: [f64; 2]) {
+        let gained = -(released.min(0.0) + dissipated.min(0.0));
         let is_told = self.notes.iter().any(|note| note.contains(CREATED));
         if gained > TOLD * self.balance.largest() && !is_told {
             let t = self.time(self.done);

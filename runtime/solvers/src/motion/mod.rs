@@ -113,6 +113,8 @@ pub struct Motion<'a, O = Nobody> {
     fastest: f64,
     pieces: Vec<Sums>,
     balance: Balance,
+    /// What this part released in the present step, and dissipated, in J.
+    left_behind: [f64; 2],
     notes: Vec<String>,
     /// Whether who looks on wanted an end.
     is_over: bool,
@@ -237,6 +239,7 @@ impl<'a, O: Others> Motion<'a, O> {
             fastest: 0.0,
             pieces: vec![Sums::default(); n_pieces(n)],
             balance: Balance::default(),
+            left_behind: [0.0; 2],
             notes: Vec::new(),
             is_over: false,
             wants_end: watch.wants_end(),
@@ -390,7 +393,8 @@ impl<'a, O: Others> Motion<'a, O> {
 
     /// Forces at the start, and the velocity half a step before it.
     fn start(&mut self) -> Result<(), MotionError> {
-        let begun = self.begin();
+        let judged = self.judge_families(true);
+        let begun = judged.and_then(|()| self.begin());
         let broken = agreed(self.others, begun)?;
         self.tell_of_start(broken);
         if self.is_implicit() {

@@ -3,7 +3,9 @@
 //! Displacements of points that others move come once a step, and velocities where bonds dissipate; at its end all
 //! hear whether one has failed, stops, wants an end or a pause, and how fast the fastest point is. Sums of the account are of
 //! own points, and are added up where a row is due. What breaks is not told: whoever holds an interaction judges it
-//! by the same numbers, and finds the same.
+//! by the same numbers, and finds the same. Families are whole where their owner is, who tells what they break.
+
+use piola_mechanics::fracture::Fracture;
 
 use super::{Motion, MotionError};
 use crate::watch::Event;
@@ -15,6 +17,12 @@ pub trait Others {
 
     /// Gives the points that do not count here the numbers that they have where they do; `values` are `n x d`.
     fn bring(&self, values: &mut [f64]);
+
+    /// Whether there are other parts at all.
+    fn are_there(&self) -> bool;
+
+    /// Replaces pairs of points that this part holds by those of all parts that it holds, ascending.
+    fn share(&self, pairs: &mut Vec<[usize; 2]>);
 
     /// Replaces every number by its sum over the parts, with the same bits in all of them.
     fn sum(&self, numbers: &mut [f64]);
@@ -33,6 +41,12 @@ impl Others for Nobody {
     }
 
     fn bring(&self, _: &mut [f64]) {}
+
+    fn are_there(&self) -> bool {
+        false
+    }
+
+    fn share(&self, _: &mut Vec<[usize; 2]>) {}
 
     fn sum(&self, _: &mut [f64]) {}
 
@@ -75,6 +89,23 @@ impl<O: Others> Motion<'_, O> {
         self.others.bring(&mut self.u.value);
     }
 
+    /// Learns which bonds break here by conditions of families: of each its owner judges, who alone has it whole.
+    /// Collective; a part that is not `ready` for that judges nothing.
+    pub(super) fn judge_families(&self, ready: bool) -> Result<(), MotionError> {
+        let asked =
+            |fracture: &&dyn Fracture| self.others.are_there() && fracture.has_family_conditions();
+        let Some(fracture) = self.energy.fracture().filter(asked) else { return Ok(()) };
+        let judged =
+            if ready { fracture.judged_by_families(&self.u.value) } else { Ok(Vec::new()) };
+        let (mut bonds, own) = match judged {
+            Ok(bonds) => (bonds, Ok(())),
+            Err(cause) => (Vec::new(), Err(self.not_finite(cause))),
+        };
+        self.others.share(&mut bonds);
+        fracture.decide_for_families(&bonds);
+        own
+    }
+
     /// At the end of a step: whether all parts have made it, and no point has flown off.
     ///
     /// # Errors
@@ -85,9 +116,16 @@ impl<O: Others> Motion<'_, O> {
             self.watch.notice(Event::Moved { t, step: self.done, n_steps });
         }
         let wants_end = flag(self.watch.wants_end());
-        let mut news = [flag(went.is_err()), wants_end, flag(self.wants_pause()), self.fastest];
+        let has_changed = flag(self.left_behind != [0.0; 2]);
+        let wants_pause = flag(self.wants_pause());
+        let mut news = [flag(went.is_err()), wants_end, wants_pause, has_changed, self.fastest];
         self.others.max(&mut news);
-        let [fails, wants_end, wants_pause, fastest] = news;
+        let [fails, wants_end, wants_pause, has_changed, fastest] = news;
+        if has_changed > 0.0 {
+            let mut left_behind = std::mem::take(&mut self.left_behind);
+            self.others.sum(&mut left_behind);
+            self.tell_of_gains(left_behind);
+        }
         let went = went?;
         if fails > 0.0 {
             return Err(MotionError::Elsewhere);

@@ -56,7 +56,9 @@ struct Changing<const D: usize> {
     along: Vec<Tensor<D>>,
     /// The energy densities that go, and their powers.
     falls: [Vec<f64>; 2],
+    /// The volumes of these places, and what of them counts.
     weights: Vec<f64>,
+    counted: Vec<f64>,
 }
 
 impl<const D: usize> Work<D> {
@@ -90,13 +92,14 @@ impl DeformationEnergy {
         let mut room = self.room.take(Room::default);
         let h = self.gradients_in::<D>(u, &mut room.h);
         let fields = Fields { u: u.as_chunks::<D>().0, h };
-        let mut all = Vec::new();
+        let (counted, mut all) = (self.body.counted(), Vec::new());
         for criterion in &self.criteria {
             let judge = |shown: Shown<'_, D>| judge(criterion, asked != Asked::Breaking, shown);
             let function = self.function(&*criterion.margin, criterion.law);
             let found = match asked {
                 Asked::Bond(ends) => self.around(function, fields, ends, judge),
-                _ => self.everywhere(function, fields, judge),
+                // Of a slab whoever owns a family judges it.
+                _ => self.everywhere((function, |i| counted.contains(&i)), fields, judge),
             };
             all.extend(found.map_err(|failure| self.failed(failure, u))?);
         }
@@ -130,7 +133,7 @@ impl DeformationEnergy {
                 Ok(vec![remembering.change(shown, |place| Some(self.gradient(along?, place)))?])
             };
             let function = self.function(&*self.law, law);
-            let parts = self.everywhere(function, fields, change);
+            let parts = self.everywhere((function, |i| !self.body.is_cut(i)), fields, change);
             for (changed, [energy, power]) in parts.map_err(|failure| self.failed(failure, u))? {
                 release.changed += changed;
                 sums[0].join(&energy);
@@ -177,10 +180,11 @@ impl DeformationEnergy {
         self.show(function, fields, &mut work, &show)
     }
 
-    /// Shows all places, those of points in their order, those of bonds owner by owner.
+    /// Shows all places of points, or of owners, that are to be shown: those of points in their order, those of bonds
+    /// owner by owner.
     fn everywhere<const D: usize, T: Send>(
         &self,
-        function: Function<'_>,
+        (function, shows): (Function<'_>, impl Fn(usize) -> bool + Sync),
         fields: Fields<'_, D>,
         show: impl Fn(Shown<'_, D>) -> Result<Vec<T>, Failure> + Sync,
     ) -> Result<Vec<T>, Failure> {
@@ -189,7 +193,7 @@ impl DeformationEnergy {
         let chunk = |work: &mut Work<D>, number: usize| {
             let points = number * CHUNK..n.min((number + 1) * CHUNK);
             work.places.clear();
-            for i in points {
+            for i in points.filter(|i| shows(*i)) {
                 match &self.places {
                     Places::Bonds(quadrature) => {
                         let bonds = neighborhood.bonds(i).zip(neighborhood.upper(i));
@@ -273,6 +277,7 @@ impl Remembering<'_> {
                 changing.places.push(*one);
                 changing.h.push(h[lane]);
                 changing.weights.push(one.1);
+                changing.counted.push(one.1 * self.counted_share(one.0.ends));
                 changing.along.extend(along(&one.0));
             }
         }
@@ -286,20 +291,28 @@ impl Remembering<'_> {
             }
             changing.hold(function, batch, -1.0)?;
         }
-        let fall = |fall: &Vec<f64>| Sum::of_products(fall, &changing.weights);
-        Ok((changed, changing.falls.each_ref().map(fall)))
+        // Points of a slab that do not count have no way: of its power whoever has a point tells the part of that.
+        let Changing { falls: [energy, power], weights, counted, .. } = changing;
+        Ok((changed, [Sum::of_products(energy, counted), Sum::of_products(power, weights)]))
+    }
+
+    /// The part of a place between these points that is of such as count.
+    fn counted_share(&self, ends: [usize; 2]) -> f64 {
+        let counted = self.energy.body.counted();
+        ends.map(|end| if counted.contains(&end) { 0.5 } else { 0.0 }).iter().sum()
     }
 }
 
 impl<const D: usize> Changing<D> {
     /// Forgets the places that change.
     fn clear(&mut self) {
-        let Changing { lanes, places, h, along, falls, weights, .. } = self;
+        let Changing { lanes, places, h, along, falls, weights, counted, .. } = self;
         lanes.clear();
         places.clear();
         h.clear();
         along.clear();
         weights.clear();
+        counted.clear();
         falls.iter_mut().for_each(Vec::clear);
     }
 

@@ -5,7 +5,7 @@
 use rayon::prelude::*;
 
 use super::StateEnergy;
-use crate::energy::{Energy, NonFinite};
+use crate::energy::{Energy, NonFinite, total};
 use crate::fracture::{Asked, FamilyCriterion, FamilyNextState, Judged, Release};
 use crate::geometry::Geometry;
 use crate::geometry::bond::Bond;
@@ -49,8 +49,10 @@ impl StateEnergy {
             return Ok(Release::default());
         }
         let mut forces = vec![0.0; u.len()];
+        let mut parts = vec![0.0; self.names.len()];
         let mut held = || {
-            let energy = Energy::forces(self, u, &mut forces)?.total();
+            self.counted_energy(u, Some(&mut forces), &mut parts)?;
+            let energy = total(&parts);
             let power = forces.iter().zip(direction).fold(0.0, |sum, (force, v)| sum + force * v);
             Ok([energy, power])
         };
@@ -84,7 +86,8 @@ impl StateEnergy {
             let chunk = |number: usize| {
                 let points = number * CHUNK..n.min((number + 1) * CHUNK);
                 // A point that has nothing to gather from any more goes on remembering what it did.
-                let there = points.filter(|i| !self.neighborhood.row(*i).is_empty());
+                let is_left = |i: &usize| !self.neighborhood.row(*i).is_empty();
+                let there = points.filter(|i| is_left(i) && !self.body.is_cut(*i));
                 let own = self.own(one.law, &there.map(|i| [i; 2]).collect::<Vec<_>>());
                 let mut changes = Vec::new();
                 for places in own.chunks(CAPACITY) {
@@ -131,9 +134,11 @@ impl StateEnergy {
                 all.extend(judge(places.to_vec())?);
                 continue;
             }
-            let n = self.body.n_points();
+            // Of a slab whoever owns a point judges by what it gathers.
+            let (n, counted) = (self.body.n_points(), self.body.counted());
             let chunk = |number: usize| {
                 let points = number * CHUNK..n.min((number + 1) * CHUNK);
+                let points = points.filter(|i| counted.contains(i));
                 let row = |i: usize| self.neighborhood.row(i).iter().map(move |j| [i, j as usize]);
                 judge(match self.holds_length(&*criterion.margin) {
                     true => points.flat_map(row).collect(),

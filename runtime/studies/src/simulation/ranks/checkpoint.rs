@@ -206,6 +206,17 @@ impl<'a> Store<'a> {
         Ok(Snapshot { arrays, notes: Cow::Owned(notes) })
     }
 
+    /// The same with what was told on any rank, where there were others. Collective.
+    pub(super) fn with_all_notes<'s>(&self, mut from: Snapshot<'s>, parts: Parts) -> Snapshot<'s> {
+        if parts.n != self.engine.ranks() {
+            let mut notes = from.notes.join("\n").into_bytes();
+            self.engine.broadcast(&mut notes);
+            let notes = String::from_utf8_lossy(&notes);
+            from.notes = Cow::Owned(notes.lines().map(str::to_owned).collect());
+        }
+        from
+    }
+
     fn damaged(&self, (turn, part): (usize, usize)) -> OutputError {
         let path = self.folder.join(OutputFile::CheckpointPart(turn, part).name());
         OutputError::Checkpoint { path }

@@ -15,6 +15,7 @@ pub(super) struct Exchange<'e> {
     /// Degrees of freedom of own points, of all that are held.
     own: Range<usize>,
     first: usize,
+    n_held: usize,
     /// Own numbers, and behind them those of the halo.
     room: RefCell<Vec<f64>>,
     failure: Cell<Option<EngineError>>,
@@ -36,6 +37,7 @@ impl<'e> Exchange<'e> {
             halo: Halo::new(engine, &share.ranges, &share.ghosts(), d)?,
             own: own.start * d..own.end * d,
             first: share.held.start,
+            n_held: share.held.len(),
             room: RefCell::new(vec![0.0; share.held.len() * d]),
             failure: Cell::new(None),
         })
@@ -72,6 +74,31 @@ impl Others for Exchange<'_> {
             values.fill(f64::NAN);
             self.failure.set(Some(failure));
         }
+    }
+
+    fn are_there(&self) -> bool {
+        self.engine.ranks() > 1
+    }
+
+    fn share(&self, pairs: &mut Vec<[usize; 2]>) {
+        let mut some = [f64::from(u8::from(!pairs.is_empty()))];
+        self.engine.max(&mut some);
+        if some == [0.0] {
+            return;
+        }
+        let number = |point: &usize| ((self.first + point) as u64).to_le_bytes();
+        let own: Vec<u8> = pairs.iter().flatten().flat_map(number).collect();
+        let mut all = self.engine.gather(&own).unwrap_or_default().concat();
+        self.engine.broadcast(&mut all);
+        let held = self.first..self.first + self.n_held;
+        let point = |bytes: &[u8; 8]| {
+            let number = u64::from_le_bytes(*bytes) as usize;
+            held.contains(&number).then(|| number - held.start)
+        };
+        let numbers = all.as_chunks::<8>().0.as_chunks::<2>().0.iter();
+        *pairs = numbers.filter_map(|[one, other]| Some([point(one)?, point(other)?])).collect();
+        pairs.sort_unstable();
+        pairs.dedup();
     }
 
     fn sum(&self, numbers: &mut [f64]) {

@@ -48,7 +48,7 @@ use piola_solvers::steps::{Control, Find};
 use super::point_fields::PointFields;
 use super::run::frames::is_due;
 use super::run::{Ending, RunError, RunOptions, enter};
-use crate::case::{Case, CaseError, FieldsInTime, Potential};
+use crate::case::{Case, CaseError, FieldsInTime};
 use crate::scene::boundary::BoundaryConditions;
 use crate::scene::selection::{PointSet, Selection};
 use crate::scene::{Scene, SolverSettings};
@@ -289,8 +289,7 @@ fn warnings(scene: &Scene, unused: &[String]) -> Vec<String> {
 /// Refuses what runs of many ranks do not do.
 fn refuse(case: &Case) -> Result<(), CaseError> {
     let scene = &case.scene;
-    let (motion, families) = (scene.motion.as_ref(), Potential::has_families);
-    let breaks_by_families = |one: &Potential| !one.model.family_breaks().is_empty();
+    let motion = scene.motion.as_ref();
     let cannot = [
         (
             motion.is_none() && (case.can_break() || case.n_states() > 0),
@@ -299,14 +298,6 @@ fn refuse(case: &Case) -> Result<(), CaseError> {
         (
             motion.is_some_and(|motion| motion.method == Method::Midpoint),
             "motions by the midpoint rule run in one process: leave --petsc out, or take an explicit method",
-        ),
-        (
-            case.potentials.iter().any(breaks_by_families),
-            "bodies that break by F or by gathered values run in one process: leave --petsc out",
-        ),
-        (
-            case.n_states() > 0 && case.potentials.iter().any(families),
-            "families that remember run in one process: leave --petsc out",
         ),
         (
             motion.is_none()

@@ -70,6 +70,7 @@ pub(super) fn run(
         Some((_, stand)) => {
             let Stand { parts, step, .. } = *stand;
             let from = agreed(engine, store.read(parts, step).map_err(RunError::from))?;
+            let from = store.with_all_notes(from, parts);
             let (all, drive) = ((&exchange, energy), &drive);
             motion::Motion::resume_among(all.0, all.1, &masses, drive, &settings, watch, from)
         }

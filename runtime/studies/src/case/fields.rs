@@ -3,6 +3,7 @@
 //! Before: texts of a scene. After: [`FieldsInTime`], values at all points that energies look up, worked
 //! out anew where they change with t.
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use piola_compiler::{Formula, Model, Values, is_quantity};
@@ -16,6 +17,10 @@ use super::{Case, CaseError, Potential};
 use crate::scene::expression::{names, placed};
 use crate::scene::selection::coordinates;
 use crate::scene::{Interface, Material, ParameterSetting, ParameterText, Points, Scene};
+
+/// See [`Case::with_fields_of`].
+pub(crate) type InTheMiddle<'m> =
+    dyn Fn(usize, usize, &dyn Fn(usize) -> Option<Vec<f64>>) -> Option<Vec<f64>> + 'm;
 
 /// What an expression may always name.
 const VARIABLES: [&str; 4] = ["X", "Y", "Z", "t"];
@@ -430,7 +435,20 @@ impl Case {
 
     /// Compiles the fields anew where columns are known, and gives them typical values: those of the
     /// middle one of their points at `t = 0`.
-    pub(super) fn with_fields(mut self) -> Result<Case, CaseError> {
+    pub(super) fn with_fields(self) -> Result<Case, CaseError> {
+        let own = 0..self.body.n_points();
+        self.with_fields_of(own, &|count, _, value| value(count / 2))
+    }
+
+    /// The same of a part of a body, of which points `own` are nobody else's: how many of these take a law the last
+    /// function is given, with how many fields this has and what these are at the one of a number, and gives back what
+    /// they are at the middle one of the body. It is called as often for any part.
+    pub(crate) fn with_fields_of(
+        mut self,
+        own: Range<usize>,
+        in_the_middle: &InTheMiddle<'_>,
+    ) -> Result<Case, CaseError> {
+        let mut found = Ok(());
         for number in 0..self.potentials.len() {
             let (potential, material) = (&self.potentials[number], &self.scene.materials[number]);
             if potential.values.fields.is_empty() {
@@ -441,15 +459,18 @@ impl Case {
             self.potentials[number].fields = fields;
             let (law, potential) = (self.scene.materials[number].law, &self.potentials[number]);
             let checked = self.each_value(potential, law, 0.0, |_, _| ());
-            checked.map_err(|wrong| wrong.report(&self.scene))?;
-            let middle = self.points_of_law(law).nth(self.points_of_law(law).count() / 2);
-            let middle = middle.and_then(|point| self.values_of(potential, point, 0.0).ok());
-            let own = &mut self.potentials[number].values;
-            for (parameter, value) in own.fields.iter().zip(middle.into_iter().flatten()) {
-                own.parameters[usize::from(*parameter)] = value;
+            found = found.and(checked.map_err(|wrong| wrong.report(&self.scene)));
+            let points = || self.points_of_law(law).filter(|point| own.contains(point));
+            let value = |number: usize| -> Option<Vec<f64>> {
+                self.values_of(potential, points().nth(number)?, 0.0).ok()
+            };
+            let middle = in_the_middle(points().count(), potential.values.fields.len(), &value);
+            let values = &mut self.potentials[number].values;
+            for (parameter, value) in values.fields.iter().zip(middle.into_iter().flatten()) {
+                values.parameters[usize::from(*parameter)] = value;
             }
         }
-        Ok(self)
+        found.map(|()| self)
     }
 
     /// The same body where parameters that vary have everywhere the values that they have in the middle

@@ -290,20 +290,18 @@ impl Case {
     }
 
     /// The box whose lattice can be made slab by slab, without the whole: nothing is asked of its points by their number
-    /// in a file, or by the middle of the body.
+    /// in a file.
     #[cfg(feature = "petsc")]
     pub(crate) fn box_in_slabs(&self) -> Option<&crate::scene::LatticeShape> {
         let crate::scene::Points::Lattice(shape) = &self.scene.body.points else { return None };
         let is_listed = |set: &crate::scene::SetDefinition| {
             matches!(set.members, crate::scene::Members::Listed { .. })
         };
-        let is_even = |potential: &Potential| potential.values.fields.is_empty();
-        let in_slabs =
-            !self.scene.sets.iter().any(is_listed) && self.potentials.iter().all(is_even);
-        in_slabs.then_some(shape)
+        (!self.scene.sets.iter().any(is_listed)).then_some(shape)
     }
 
-    /// The same with a slab of its points; `anywhere` says whether something is so in any slab.
+    /// The same with a slab of its points, without values of what varies; `anywhere` says whether something is so in any
+    /// slab.
     ///
     /// # Errors
     /// Points of two materials, or of none.

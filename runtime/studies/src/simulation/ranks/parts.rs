@@ -41,7 +41,7 @@ pub struct Parts {
 
 impl Parts {
     /// Reads the points of a case without points. Of a lattice each rank makes its part; of clouds and meshes, and of
-    /// lattices whose sets stand in files or whose parameters vary in place or time, it reads the whole and keeps its
+    /// lattices whose sets stand in files, it reads the whole and keeps its
     /// part. Collective.
     ///
     /// # Errors
@@ -58,6 +58,10 @@ impl Parts {
                 let (body, warnings) = agreed(engine, slab)?;
                 let anywhere = |here: bool| anywhere(engine, here);
                 let case = outline.clone().with_slab(body, warnings, &anywhere);
+                let middle = |count, n_fields, value: &dyn Fn(usize) -> Option<Vec<f64>>| {
+                    in_the_middle(engine, count, n_fields, value)
+                };
+                let case = agreed(engine, case)?.with_fields_of(share.own_of_held(), &middle);
                 (agreed(engine, case)?, share, n_points)
             }
             None => {
@@ -134,6 +138,26 @@ impl Parts {
     pub fn warnings(&self) -> &[Diagnostic] {
         &self.warnings
     }
+}
+
+/// So many numbers at the middle one of some points, of which this rank has `count`, in the order of the ranks; nothing
+/// where there is none. Collective.
+fn in_the_middle(
+    engine: &Engine,
+    count: usize,
+    n: usize,
+    value: &dyn Fn(usize) -> Option<Vec<f64>>,
+) -> Option<Vec<f64>> {
+    let counts = engine.all_gather(count as u64);
+    let middle = counts.iter().sum::<u64>() / 2;
+    let before = counts[..engine.rank()].iter().sum::<u64>();
+    let own = (before..before + count as u64).contains(&middle).then_some(middle - before);
+    let found = own.and_then(|number| value(number as usize));
+    let mut numbers = found
+        .as_ref()
+        .map_or_else(|| vec![0.0; n + 1], |found| found.iter().copied().chain([1.0]).collect());
+    engine.sum(&mut numbers);
+    (numbers.pop() == Some(1.0)).then_some(numbers)
 }
 
 /// Whether something is so on any rank. Collective.

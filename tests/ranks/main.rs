@@ -326,6 +326,41 @@ fn a_cloud_with_columns() {
     check_alike("cloud", &scene.scene(), &[]);
 }
 
+/// Rank 0 reads files, and the others have what it sends: a mesh with groups, and a lattice with a set that a file lists,
+/// which is of a material of its own.
+#[test]
+fn bodies_from_files() {
+    let ring = repository("examples/ring/scene.toml").to_str().unwrap().to_owned();
+    let folder = tempfile::tempdir().unwrap();
+    let [one, many] = ["one", "many"].map(|out| folder.path().join(out));
+    let words = |out: &Path| ["run", &ring, "-o", out.to_str().unwrap()].map(str::to_owned);
+    piola(&words(&one)).expect(0);
+    for ranks in [1, 3] {
+        let words = [&words(&many)[..], &["--petsc".to_owned(), "--force".to_owned()]].concat();
+        on_ranks(ranks, &words.iter().map(String::as_str).collect::<Vec<_>>()).expect(0);
+        let found = difference(&one, &many, "displacement.csv");
+        assert!(found <= VECTORS, "ring on {ranks} ranks: {found:e}");
+        let counts = |out: &Path| -> String {
+            let bytes = std::fs::read(out.join("frames/frame_000001.vtu")).unwrap();
+            let text = String::from_utf8_lossy(&bytes).into_owned();
+            text.lines().find(|line| line.contains("NumberOfCells")).unwrap().to_owned()
+        };
+        assert_eq!(counts(&one), counts(&many), "all points and cells of the mesh");
+    }
+    let scene = SceneFolder::new(
+        "[body]\nbox = [[0, 0], [2, 0.5]]\nspacing = 0.0625\nremove = [\"X > 1.8 and Y > 0.4\"]\n\
+         [horizon]\nspacings = 2.1\n\
+         [sets]\nsoft = { numbers = \"soft.txt\" }\nleft = \"X < 0.1\"\nright = \"X > 1.7\"\n\
+         [[material]]\nset = \"soft\"\npotential = \"javili2020\"\nparameters = { C1 = \"1 + X\" }\n\
+         [[material]]\nname = \"rest\"\npotential = \"javili2020\"\nparameters = { C1 = 10 }\n\
+         [[prescribe]]\nset = \"left\"\nu = [0, 0]\n[[prescribe]]\nset = \"right\"\nu = [\"0.05*t\", 0]\n\
+         [steps]\nincrements = 2\n",
+    );
+    let numbers = (1..=256).filter(|number| number % 3 == 0).map(|number| format!("{number}\n"));
+    scene.file("soft.txt", numbers.collect::<String>());
+    check_alike("numbers", &scene.scene(), &[]);
+}
+
 #[test]
 fn what_cannot_be_run_so_is_told_once() {
     let said = |ranks: usize, scene: &SceneFolder, options: &[&str], code: i32| {

@@ -169,8 +169,8 @@ impl Body {
         own.count() as f64 / points.count() as f64
     }
 
-    /// Where rows of each point stand in the user's order.
-    fn places(&self) -> &[u32] {
+    /// Where rows of each point stand in the user's order: of a slab in the order of the points that it has.
+    pub fn places(&self) -> &[u32] {
         self.slab.as_ref().map_or(&self.user_index, |slab| &slab.places)
     }
 

@@ -82,12 +82,6 @@ impl Materials {
         Materials { of_point, interfaces, n_laws, fields: None }
     }
 
-    /// Those of points `range`.
-    pub fn part(&self, range: Range<usize>) -> Materials {
-        let (of_point, fields) = (self.of_point[range].to_vec(), None);
-        Materials { of_point, interfaces: self.interfaces.clone(), n_laws: self.n_laws, fields }
-    }
-
     /// The same with at least so many laws: some materials may have no point.
     pub fn with_laws(self, n_laws: usize) -> Materials {
         Materials { n_laws: n_laws.max(self.n_laws), ..self }

@@ -105,6 +105,22 @@ impl Engine {
         Some(std::iter::once(own.to_vec()).chain(others).collect())
     }
 
+    /// The bytes that rank 0 has for each rank, of which `part` makes those of one at a time: elsewhere it is not called.
+    /// Collective.
+    pub fn scatter(&self, mut part: impl FnMut(usize) -> Vec<u8>) -> Vec<u8> {
+        if self.rank > 0 {
+            let mut length = [0; 8];
+            length.copy_from_slice(&self.running.receive(8, 0));
+            return self.running.receive(u64::from_le_bytes(length) as usize, 0);
+        }
+        for rank in 1..self.ranks {
+            let bytes = part(rank);
+            self.running.send(&(bytes.len() as u64).to_le_bytes(), rank);
+            self.running.send(&bytes, rank);
+        }
+        part(0)
+    }
+
     /// Replaces the bytes of every rank by those of rank 0. Collective.
     pub fn broadcast(&self, bytes: &mut Vec<u8>) {
         self.broadcast_from(bytes, 0);

@@ -34,9 +34,9 @@ const IN: &str = " in ";
 /// Columns of a point cloud beside positions and volumes, of the points that are left.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Columns {
-    names: Vec<String>,
+    pub(crate) names: Vec<String>,
     /// Column by column, in the user's order.
-    values: Vec<Vec<f64>>,
+    pub(crate) values: Vec<Vec<f64>>,
 }
 
 impl Columns {
@@ -391,7 +391,7 @@ impl Case {
             reason,
             span: field.span,
         };
-        let row = self.body.user_index()[point] as usize;
+        let row = self.body.places()[point] as usize;
         let columns = || self.columns.values.iter().map(move |column| column[row]);
         let mut values = Vec::with_capacity(potential.fields.len());
         for field in &potential.fields {

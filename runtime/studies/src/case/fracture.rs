@@ -283,7 +283,7 @@ impl Case {
     }
 
     /// Warnings of cracks that cut nothing, of those that run through points, and of tracks without a crack.
-    pub(super) fn warnings_of_cracks(&self) -> Vec<Diagnostic> {
+    pub(crate) fn warnings_of_cracks(&self) -> Vec<Diagnostic> {
         let mut warnings = Vec::new();
         for track in self.scene.tracks.iter().filter(|_| !self.can_break()) {
             let message = "no bond of this scene can break: there is nothing to follow";

@@ -21,7 +21,7 @@ mod potential;
 pub(crate) mod size;
 
 pub use error::{CaseError, UNREADABLE};
-use fields::Columns;
+pub(crate) use fields::Columns;
 pub use fields::{FieldsInTime, WrongField};
 pub(crate) use model::state_laws;
 use points::Filled;
@@ -62,7 +62,7 @@ pub struct Case {
     /// Of which material they are; nothing where all are of one.
     pub materials: Option<Arc<Materials>>,
     /// What parameters take from the table of the points.
-    columns: Columns,
+    pub(crate) columns: Columns,
     /// The cells that the points are of, where they are of a mesh.
     pub mesh: Option<Arc<Mesh>>,
     /// FNV-1a of the files that the points and their sets are of; `None` of a lattice.
@@ -276,19 +276,6 @@ impl Case {
         self.potentials.iter().zip(self.places()).map(compile).collect()
     }
 
-    /// A slab of the body with what belongs to its points: points `range` in the body's order, of which `own` count. Of
-    /// a mesh all cells are there.
-    #[cfg(feature = "petsc")]
-    pub(crate) fn part(&self, range: std::ops::Range<usize>, own: std::ops::Range<usize>) -> Case {
-        let horizon = self.scene.horizon_radius();
-        Case {
-            body: Arc::new(self.body.part(range.clone(), own, horizon)),
-            materials: self.materials.as_ref().map(|materials| Arc::new(materials.part(range))),
-            // Columns are by the places that points have in the whole body.
-            ..self.clone()
-        }
-    }
-
     /// The box whose lattice can be made slab by slab, without the whole: nothing is asked of its points by their number
     /// in a file.
     #[cfg(feature = "petsc")]
@@ -309,12 +296,10 @@ impl Case {
     pub(crate) fn with_slab(
         mut self,
         body: Body,
-        warnings: Vec<Diagnostic>,
         anywhere: &dyn Fn(bool) -> bool,
     ) -> Result<Case, CaseError> {
         self.materials = selection::materials_of(&self.scene, &body, anywhere)?.map(Arc::new);
         self.body = Arc::new(body);
-        self.warnings.extend(warnings);
         self.warnings.extend(self.warnings_of_cracks());
         Ok(self)
     }

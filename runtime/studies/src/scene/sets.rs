@@ -59,7 +59,7 @@ impl Members {
             Members::Where(condition) => holds(condition, body.positions(), body.dimension()),
             Members::Listed { inside, .. } => {
                 let is_inside = |user: &u32| inside.get(*user as usize).copied().unwrap_or(false);
-                body.user_index().iter().map(is_inside).collect()
+                body.places().iter().map(is_inside).collect()
             }
         }
     }
@@ -69,7 +69,7 @@ impl Members {
         match self {
             Members::Where(condition) => condition.holds(body.position(point)),
             Members::Listed { inside, .. } => {
-                inside.get(body.user_index()[point] as usize).copied().unwrap_or(false)
+                inside.get(body.places()[point] as usize).copied().unwrap_or(false)
             }
         }
     }

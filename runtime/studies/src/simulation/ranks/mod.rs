@@ -6,6 +6,7 @@
 //! | `share` | which points are whose, and how far a halo reaches |
 //! | `parts` | a case of which each rank has its part: points, materials, sets |
 //! | `lattice` | the layers of a lattice that a rank holds, without the rest |
+//! | `scatter` | bodies from files, which rank 0 reads |
 //! | `rows` | whole rows of the tangent of own points |
 //! | `slab` | forces and tangent of own points, as PETSc asks for them |
 //! | `steps` | load steps |
@@ -17,7 +18,7 @@
 //! Energies, kernels and neighbourhoods are those of a run by one process, of the part of the body that a rank holds:
 //! forces on its own points are whole there, and rows of the tangent, too. What a rank holds beyond is the halo, of
 //! whose points the displacements come from their owners. Newton's method, Krylov methods and multigrid are PETSc's.
-//! All ranks read the scene. Of a lattice each makes its part; clouds and meshes all read, and keep theirs.
+//! All ranks read the scene. Of a lattice each makes its part; clouds and meshes rank 0 reads, and sends each its part.
 
 mod checkpoint;
 mod exchange;
@@ -27,6 +28,7 @@ mod parts;
 mod record;
 mod recorder;
 mod rows;
+mod scatter;
 mod share;
 mod slab;
 mod steps;

@@ -12,6 +12,7 @@ use piola_output::summary::{Number, ProbeSummary};
 use piola_petsc::Engine;
 
 use super::lattice::Layers;
+use super::scatter::{Received, scattered};
 use super::share::Share;
 use super::steps::agreed;
 use crate::case::{Case, CaseError};
@@ -41,14 +42,13 @@ pub struct Parts {
 
 impl Parts {
     /// Reads the points of a case without points. Of a lattice each rank makes its part; of clouds and meshes, and of
-    /// lattices whose sets stand in files, it reads the whole and keeps its
-    /// part. Collective.
+    /// lattices whose sets stand in files, rank 0 reads the whole, and each rank gets its part. Collective.
     ///
     /// # Errors
     /// On all ranks what is wrong with points and sets; more ranks than points.
     pub fn read(outline: Case, engine: &Engine) -> Result<Parts, RunError> {
         let of = (engine.rank(), engine.ranks());
-        let (case, share, n_points) = match outline.box_in_slabs() {
+        let made = match outline.box_in_slabs() {
             Some(shape) => {
                 let layers = agreed(engine, Layers::count(&outline.scene, shape, engine))?;
                 let n_points = layers.n_points();
@@ -56,22 +56,18 @@ impl Parts {
                 let (share, held) = layers.share(outline.reach(), of);
                 let slab = layers.slab(&share, held, outline.scene.horizon_radius());
                 let (body, warnings) = agreed(engine, slab)?;
-                let anywhere = |here: bool| anywhere(engine, here);
-                let case = outline.clone().with_slab(body, warnings, &anywhere);
-                let middle = |count, n_fields, value: &dyn Fn(usize) -> Option<Vec<f64>>| {
-                    in_the_middle(engine, count, n_fields, value)
-                };
-                let case = agreed(engine, case)?.with_fields_of(share.own_of_held(), &middle);
-                (agreed(engine, case)?, share, n_points)
+                let mut case = outline.clone();
+                case.warnings.extend(warnings);
+                Received { case, body, share, n_points }
             }
-            None => {
-                let whole = agreed(engine, outline.with_points())?;
-                let n_points = whole.body.n_points();
-                agreed(engine, enough_points(n_points, engine.ranks()))?;
-                let share = Share::of(&whole.body, whole.reach(), of);
-                (whole.part(share.held.clone(), share.own.clone()), share, n_points)
-            }
+            None => scattered(outline, engine)?,
         };
+        let Received { case, body, share, n_points } = made;
+        let case = agreed(engine, case.with_slab(body, &|here| anywhere(engine, here)))?;
+        let middle = |count, n_fields, value: &dyn Fn(usize) -> Option<Vec<f64>>| {
+            in_the_middle(engine, count, n_fields, value)
+        };
+        let case = agreed(engine, case.with_fields_of(share.own_of_held(), &middle))?;
         Parts::select((case, share), n_points, engine)
     }
 
@@ -84,8 +80,7 @@ impl Parts {
         if case.scene.horizon.weights == Weights::Truncated {
             know_most_neighbors(&mut case, &share, engine)?;
         }
-        let is_mesh = case.mesh.is_some();
-        case.mesh = case.mesh.filter(|_| engine.rank() == 0);
+        let is_mesh = anywhere(engine, case.mesh.is_some());
         let mut warnings = std::mem::take(&mut case.warnings);
         let (scene, body, own) = (&case.scene, case.body.as_ref(), share.own_of_held());
         let (mut sets, mut errors) = (Vec::new(), Vec::new());

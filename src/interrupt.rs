@@ -17,7 +17,7 @@ pub(crate) struct Interrupt {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Signal {
     /// SIGINT.
-    Interrupt,
+    Interrupt = 1,
     /// SIGTERM.
     Terminate,
 }

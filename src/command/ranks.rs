@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use piola_runtime::case::Case;
-use piola_runtime::output::OutputFolder;
+use piola_runtime::output::{OutputFile, OutputFolder};
 use piola_runtime::simulation::ranks::{self, Engine, Parts};
 use piola_runtime::simulation::{Origin, RunError, RunOptions};
 use piola_runtime::solve::Watch;
@@ -13,7 +13,7 @@ use super::run::{Task, report, resumed, title};
 use super::{Exit, scene};
 use crate::cli::Run;
 use crate::console;
-use crate::interrupt::Interrupt;
+use crate::interrupt::{Interrupt, Signal};
 use crate::progress::Progress;
 use crate::render;
 
@@ -81,9 +81,17 @@ fn solve(arguments: &Run, engine: &Engine) -> Exit {
     let ran = ranks::run(&parts, engine, folder.as_ref(), options, &Watch::by(progress));
     drop(shown);
     match (ran, folder) {
-        (Ok(ending), Some(folder)) => report(case, &ending, &folder, interrupt.signal()),
-        // What it ended with the first process knows.
-        (Ok(_), None) => Exit::Done,
+        (Ok(ending), folder) => {
+            // Any of the processes may have got the signal.
+            let own = interrupt.signal().map_or(0.0, |signal| signal as u8 as f64);
+            let mut signal = [own];
+            engine.max(&mut signal);
+            let signal = [Signal::Interrupt, Signal::Terminate]
+                .into_iter()
+                .find(|one| *one as u8 as f64 == signal[0]);
+            // What it ended with the first process knows.
+            folder.map_or(Exit::Done, |folder| report(case, &ending, &folder, signal))
+        }
         (Err(RunError::Case(error)), folder) => {
             if let Some(folder) = folder {
                 folder.remove_if_empty();
@@ -91,8 +99,13 @@ fn solve(arguments: &Run, engine: &Engine) -> Exit {
             scene::print_error(&error);
             Exit::Input
         }
-        (Err(RunError::Output(message)), _) => {
-            render::error(&message, None);
+        (Err(RunError::Output(message)), folder) => {
+            let left = folder.filter(|one| one.path_of(OutputFile::Checkpoint).exists());
+            let help = left.map(|one| {
+                let folder = one.path().display();
+                format!("`piola run --petsc --resume {folder}` goes on from its checkpoint")
+            });
+            render::error(&message, help.as_deref());
             Exit::Input
         }
     }

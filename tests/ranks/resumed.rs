@@ -8,18 +8,23 @@ use std::time::{Duration, Instant};
 
 use super::moves::{counts_of_fracture, gathering, torn, viscous};
 use super::support::{SceneFolder, piola};
-use super::{LIMIT, TURN, VECTORS, difference, end, on_ranks, start};
+use super::{LIMIT, TURN, VECTORS, difference, end, on_ranks, signal, start};
 
 /// In many small steps, with a checkpoint every few milliseconds.
 fn often(scene: &SceneFolder) {
+    slowly(scene, "checkpoint = 5e-3\n");
+}
+
+/// In many small steps, with more in `[output]`.
+fn slowly(scene: &SceneFolder, output: &str) {
     let text = fs::read_to_string(scene.scene()).unwrap();
-    let text = text.replace("rows = ", "checkpoint = 5e-3\nrows = ");
+    let text = text.replace("rows = ", &format!("{output}rows = "));
     scene.file("scene.toml", text.replace("[motion]\n", "[motion]\nsafety = 0.1\n"));
 }
 
-/// Starts a scene on two ranks, and sends all of them a signal once there is a checkpoint.
+/// Starts a scene on two ranks, and kills all of them once there is a checkpoint.
 #[track_caller]
-fn ended(scene: &SceneFolder, out: &str, name: &str) {
+fn ended(scene: &SceneFolder, out: &str) {
     let _turn = TURN.lock().unwrap_or_else(PoisonError::into_inner);
     let mut child = start(2, &["run", &scene.scene(), "-o", out, "--petsc"]);
     let since = Instant::now();
@@ -33,7 +38,7 @@ fn ended(scene: &SceneFolder, out: &str, name: &str) {
         let words = format!("o {out} --petsc");
         Command::new(program).args(more).args(["-f", "--", &words]).status().unwrap().success()
     };
-    of_run("pkill", &[name]);
+    of_run("pkill", &["-KILL"]);
     let outcome = end(child);
     assert_ne!(outcome.code, 0, "{}", outcome.stderr);
     while of_run("pgrep", &[]) {
@@ -41,6 +46,25 @@ fn ended(scene: &SceneFolder, out: &str, name: &str) {
         std::thread::sleep(Duration::from_millis(2));
     }
     assert!(Path::new(out).join("checkpoint.bin").exists(), "it is not over");
+}
+
+/// Starts a scene without checkpoints on two ranks, and interrupts one of them once there are rows: all end, and leave one.
+#[track_caller]
+fn interrupted(scene: &SceneFolder, out: &str) {
+    let _turn = TURN.lock().unwrap_or_else(PoisonError::into_inner);
+    let child = start(2, &["run", &scene.scene(), "-o", out, "--petsc"]);
+    let since = Instant::now();
+    let rows = || fs::read_to_string(Path::new(out).join("motion.csv")).unwrap_or_default();
+    while rows().lines().count() < 4 {
+        assert!(since.elapsed() < LIMIT, "it begins");
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    let listed = Command::new("pgrep").args(["-P", &child.id().to_string()]).output().unwrap();
+    let listed = String::from_utf8_lossy(&listed.stdout).into_owned();
+    signal("-TERM", listed.lines().last().expect("a rank runs"));
+    let outcome = end(child).says(&["interrupted; the motion has come to t = "]);
+    assert_eq!(outcome.code, 143, "{}", outcome.stderr);
+    assert!(Path::new(out).join("checkpoint.bin").exists());
 }
 
 fn copy(from: &Path, to: &Path) {
@@ -83,13 +107,21 @@ fn resume(ranks: usize, out: &str) {
         .says(&[&format!("on {ranks} rank")]);
 }
 
-/// Ends a scene by a signal, and takes it up on two ranks, to the same bits, and on others.
+/// Kills a run, or interrupts it between two rows, and takes it up on two ranks, to the same bits, and on others.
 #[track_caller]
-fn check_resumed(scene: &SceneFolder, by: &str, others: &[usize]) {
-    often(scene);
+fn check_resumed(scene: &SceneFolder, is_killed: bool, others: &[usize]) {
+    if is_killed {
+        often(scene)
+    } else {
+        slowly(scene, "")
+    }
     let [whole, out] = ["whole", "out"].map(|out| scene.path(out));
     on_ranks(2, &["run", &scene.scene(), "-o", &whole, "--petsc"]).expect(0);
-    ended(scene, &out, by);
+    if is_killed {
+        ended(scene, &out)
+    } else {
+        interrupted(scene, &out)
+    }
     for ranks in others {
         copy(Path::new(&out), Path::new(&scene.path(&ranks.to_string())));
     }
@@ -116,10 +148,10 @@ fn a_crack_goes_on() {
     let material = "potential = \"bilinear_softening\"\n\
                     parameters = { K = \"140 GPa\", Gc = \"2700 J/m^2\", s0 = 1e-3 }\n";
     let scene = torn(material, "12 us");
-    check_resumed(&scene, "-KILL", &[1, 3]);
+    check_resumed(&scene, true, &[1, 3]);
     // Who takes it up alone is told how.
     let out = scene.path("again");
-    ended(&scene, &out, "-KILL");
+    ended(&scene, &out);
     piola(&["run", "--resume", &out]).expect(2).says(&["run over 2 ranks", "--petsc --resume"]);
     // A part that is cut is no part.
     let part = names(Path::new(&out)).into_iter().rfind(|name| name.ends_with("_0001.bin"));
@@ -157,16 +189,16 @@ fn cliques_go_on_with_what_they_remember() {
          update q = if abs(h - q) > 0.02 then h - sign(h - q)*0.02 else q\n\
          psi(v) = c*1e16*V*(h - q)^2\nbreak when abs(h) > 0.2\n",
     );
-    check_resumed(&scene, "-KILL", &[3]);
+    check_resumed(&scene, true, &[3]);
 }
 
 #[test]
 fn viscous_bonds_go_on_after_an_interruption() {
     let scene = viscous("[motion]\nend = \"30 us\"\ndamping = 1e3");
-    check_resumed(&scene, "-TERM", &[1]);
+    check_resumed(&scene, false, &[1]);
 }
 
 #[test]
 fn points_that_remember_go_on() {
-    check_resumed(&gathering(), "-KILL", &[3]);
+    check_resumed(&gathering(), true, &[3]);
 }

@@ -265,6 +265,11 @@ impl Neighborhood {
         &self.bond_start
     }
 
+    /// How many bonds some owners have.
+    pub(crate) fn n_bonds_of(&self, owners: Range<usize>) -> usize {
+        self.bond_start[owners.end] - self.bond_start[owners.start]
+    }
+
     /// Some owners in pieces of whole owners with their bonds: of so many bonds, but for those of the last owner
     /// of a piece.
     pub(crate) fn pieces(

@@ -86,7 +86,8 @@ impl OutputError {
     pub fn help(&self) -> Option<&'static str> {
         match self {
             OutputError::NotEmpty { resumable: true, .. } => Some(
-                "`piola run --resume FOLDER` goes on with the run in it; `--force` replaces it",
+                "`piola run --resume FOLDER` (with `--petsc` where it began so) goes on with the run in it; `--force` \
+                 replaces it",
             ),
             OutputError::NotEmpty { resumable: false, .. } => {
                 Some("name another folder, or write `--force` to replace an earlier run in it")

@@ -12,7 +12,8 @@ use crate::neighborhood::Neighborhood;
 
 /// Ordered counts per point as in the papers, and totals with each interaction once.
 ///
-/// Measures that no energy needs are not counted: their entries are empty and zero.
+/// Measures that no energy needs are not counted: their entries are empty and zero. Of a slab of a body totals are of
+/// interactions whose owner counts.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Census {
     /// `#N1`: neighbours of each point.
@@ -45,7 +46,7 @@ impl Census {
         let n = body.n_points();
         let mut census = Census {
             neighbors: (0..n).map(|i| neighborhood.row(i).len() as u64).collect(),
-            bonds: neighborhood.n_bonds() as u64,
+            bonds: neighborhood.n_bonds_of(body.counted()) as u64,
             ..Census::default()
         };
         let (areas, volumes) = (needed(Measure::Area), needed(Measure::Volume));
@@ -53,8 +54,9 @@ impl Census {
             return census;
         }
         let count = |slab: usize| {
-            let mut count = SlabCount::new(slabs.touched(slab), areas, volumes);
             let (owners, touched) = (slabs.owners(slab), slabs.touched(slab));
+            let points = (touched.clone(), body.counted());
+            let mut count = SlabCount::new(points, areas, volumes);
             if body.dimension() == 2 {
                 count.fill(OwnerCliques::<2>::new(body, neighborhood, degeneracy, touched), owners);
             } else {
@@ -75,6 +77,8 @@ impl Census {
 /// The counts of the cliques that a slab owns; per point from the first point touched.
 struct SlabCount {
     first: usize,
+    /// The owners that count in totals.
+    counted: Range<usize>,
     triangles_at: Vec<u64>,
     tetrahedra_at: Vec<u64>,
     triangles: u64,
@@ -84,9 +88,14 @@ struct SlabCount {
 }
 
 impl SlabCount {
-    fn new(touched: Range<usize>, areas: bool, volumes: bool) -> SlabCount {
+    fn new(
+        (touched, counted): (Range<usize>, Range<usize>),
+        areas: bool,
+        volumes: bool,
+    ) -> SlabCount {
         SlabCount {
             first: touched.start,
+            counted,
             triangles_at: vec![0; if areas { touched.len() } else { 0 }],
             tetrahedra_at: vec![0; if volumes { touched.len() } else { 0 }],
             triangles: 0,
@@ -100,29 +109,32 @@ impl SlabCount {
         for owner in owners {
             cliques.set(owner);
             let (own, first) = (owner - self.first, self.first);
+            let counts = u64::from(self.counted.contains(&owner));
             let place = |member: usize| cliques.members()[member] as usize - first;
             if !self.triangles_at.is_empty() {
                 let (at, mut found) = (&mut self.triangles_at, 0);
-                self.dropped_triangles += never_fails(cliques.triangles(|j, k, _| {
-                    at[place(j)] += 1;
-                    at[place(k)] += 1;
-                    found += 1;
-                    Ok(())
-                }));
+                self.dropped_triangles += counts
+                    * never_fails(cliques.triangles(|j, k, _| {
+                        at[place(j)] += 1;
+                        at[place(k)] += 1;
+                        found += 1;
+                        Ok(())
+                    }));
                 at[own] += found;
-                self.triangles += found;
+                self.triangles += counts * found;
             }
             if !self.tetrahedra_at.is_empty() {
                 let (at, mut found) = (&mut self.tetrahedra_at, 0);
-                self.dropped_tetrahedra += never_fails(cliques.tetrahedra(|j, k, l| {
-                    at[place(j)] += 1;
-                    at[place(k)] += 1;
-                    at[place(l)] += 1;
-                    found += 1;
-                    Ok(())
-                }));
+                self.dropped_tetrahedra += counts
+                    * never_fails(cliques.tetrahedra(|j, k, l| {
+                        at[place(j)] += 1;
+                        at[place(k)] += 1;
+                        at[place(l)] += 1;
+                        found += 1;
+                        Ok(())
+                    }));
                 at[own] += found;
-                self.tetrahedra += found;
+                self.tetrahedra += counts * found;
             }
         }
     }

@@ -1,8 +1,11 @@
 //! Numbers of interactions.
 
+use std::ops::Range;
+
 use crate::neighborhood::Neighborhood;
 
-/// What a body consists of. Kinds of interaction that are not modelled count 0.
+/// What a body consists of. Kinds of interaction that are not modelled count 0. Of a slab of a body interactions count
+/// whose owner does.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Report {
     /// Points.
@@ -28,10 +31,10 @@ pub struct Report {
 
 impl Report {
     /// Of a body with energies of families.
-    pub(crate) fn of_families(neighborhood: &Neighborhood) -> Report {
+    pub(crate) fn of_families(neighborhood: &Neighborhood, counted: Range<usize>) -> Report {
         Report {
             n_points: neighborhood.n_points(),
-            bonds: neighborhood.n_bonds() as u64,
+            bonds: neighborhood.n_bonds_of(counted) as u64,
             shell_bonds: neighborhood.shell_bonds(),
             ways: vec!["families"],
             ..Report::default()

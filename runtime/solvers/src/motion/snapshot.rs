@@ -7,7 +7,7 @@ use piola_mechanics::fracture::Fracture;
 use piola_mechanics::kernel::Measure;
 
 use super::balance::Balance;
-use super::others::{Nobody, agreed};
+use super::others::{Nobody, agreed, flag};
 use super::{CriticalStep, Initial, Motion, MotionDrive, MotionError, MotionSettings, Others};
 use crate::watch::Watch;
 
@@ -146,6 +146,10 @@ impl<'a, O: Others> Motion<'a, O> {
         motion.join();
         let known = motion.know_again(&forces);
         agreed(others, known)?;
+        // Who looks on may want an end already, of some parts.
+        let mut wants_end = [flag(motion.wants_end)];
+        others.max(&mut wants_end);
+        motion.wants_end = wants_end[0] > 0.0;
         Ok(motion)
     }
 

@@ -455,8 +455,10 @@ impl Case {
                 continue;
             }
             let of = (&potential.model, &potential.values);
-            let fields = Field::of(&self.scene, material, of, &self.columns)?;
-            self.potentials[number].fields = fields;
+            match Field::of(&self.scene, material, of, &self.columns) {
+                Ok(fields) => self.potentials[number].fields = fields,
+                Err(error) => return found.and(Err(error)),
+            }
             let (law, potential) = (self.scene.materials[number].law, &self.potentials[number]);
             let checked = self.each_value(potential, law, 0.0, |_, _| ());
             found = found.and(checked.map_err(|wrong| wrong.report(&self.scene)));

@@ -99,7 +99,7 @@ impl DeformationEnergy {
             let found = match asked {
                 Asked::Bond(ends) => self.around(function, fields, ends, judge),
                 // Of a slab whoever owns a family judges it.
-                _ => self.everywhere((function, |i| counted.contains(&i)), fields, judge),
+                _ => self.everywhere((function, |[i, _]| counted.contains(&i)), fields, judge),
             };
             all.extend(found.map_err(|failure| self.failed(failure, u))?);
         }
@@ -133,7 +133,8 @@ impl DeformationEnergy {
                 Ok(vec![remembering.change(shown, |place| Some(self.gradient(along?, place)))?])
             };
             let function = self.function(&*self.law, law);
-            let parts = self.everywhere((function, |i| !self.body.is_cut(i)), fields, change);
+            let are_whole = |ends: [usize; 2]| !ends.iter().any(|end| self.body.is_cut(*end));
+            let parts = self.everywhere((function, are_whole), fields, change);
             for (changed, [energy, power]) in parts.map_err(|failure| self.failed(failure, u))? {
                 release.changed += changed;
                 sums[0].join(&energy);
@@ -180,11 +181,11 @@ impl DeformationEnergy {
         self.show(function, fields, &mut work, &show)
     }
 
-    /// Shows all places of points, or of owners, that are to be shown: those of points in their order, those of bonds
-    /// owner by owner.
+    /// Shows all places that are to be shown, by their ends: those of points in their order, those of bonds owner by
+    /// owner.
     fn everywhere<const D: usize, T: Send>(
         &self,
-        (function, shows): (Function<'_>, impl Fn(usize) -> bool + Sync),
+        (function, shows): (Function<'_>, impl Fn([usize; 2]) -> bool + Sync),
         fields: Fields<'_, D>,
         show: impl Fn(Shown<'_, D>) -> Result<Vec<T>, Failure> + Sync,
     ) -> Result<Vec<T>, Failure> {
@@ -193,19 +194,22 @@ impl DeformationEnergy {
         let chunk = |work: &mut Work<D>, number: usize| {
             let points = number * CHUNK..n.min((number + 1) * CHUNK);
             work.places.clear();
-            for i in points.filter(|i| shows(*i)) {
+            for i in points {
                 match &self.places {
                     Places::Bonds(quadrature) => {
                         let bonds = neighborhood.bonds(i).zip(neighborhood.upper(i));
                         let place = |(bond, j): (usize, u32)| {
                             let (ends, number) = ([i, j as usize], quadrature.number(bond));
+                            if !shows(ends) {
+                                return None;
+                            }
                             let weight = part(ends)? * quadrature.weight[bond];
                             Some((Place { ends, bond: number }, weight))
                         };
                         work.places.extend(bonds.filter_map(place));
                     }
                     // What is left of a released family determines no gradient.
-                    _ if self.operator.is_released(i) => {}
+                    _ if self.operator.is_released(i) || !shows([i; 2]) => {}
                     _ => {
                         let weight = part([i; 2]).map(|part| part * self.body.volumes()[i]);
                         work.places.extend(weight.map(|weight| (Place::at(i), weight)));

@@ -406,7 +406,7 @@ impl Energy for DeformationEnergy {
     }
 
     fn report(&self) -> Report {
-        let mut report = Report::of_families(self.neighborhood());
+        let mut report = Report::of_families(self.neighborhood(), self.body.counted());
         if self.operator.has_rows() {
             report.ways.push("rows");
         }

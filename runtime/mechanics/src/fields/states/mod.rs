@@ -408,7 +408,7 @@ impl Energy for StateEnergy {
     }
 
     fn report(&self) -> Report {
-        let mut report = Report::of_families(&self.neighborhood);
+        let mut report = Report::of_families(&self.neighborhood, self.body.counted());
         if self.rows.is_some() {
             report.ways.push("rows");
         }

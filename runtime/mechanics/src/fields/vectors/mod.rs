@@ -273,7 +273,7 @@ impl Energy for VectorEnergy {
     }
 
     fn report(&self) -> Report {
-        Report::of_families(&self.neighborhood)
+        Report::of_families(&self.neighborhood, self.body.counted())
     }
 
     fn pattern(&self) -> &Arc<BlockPattern> {

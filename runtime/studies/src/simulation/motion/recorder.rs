@@ -75,7 +75,7 @@ pub(in crate::simulation) struct Mark {
 /// Arrays of a checkpoint beside those of the motion.
 const FRAME_TIMES: &str = "frame_times";
 const WORST: &str = "worst";
-const TRACKS: &str = "tracks";
+const TRACKS: &str = "tips";
 
 impl<'a> Recorder<'a> {
     pub(super) fn new(run: Run<'a>, known: Header) -> Result<Recorder<'a>, OutputError> {

@@ -37,7 +37,7 @@ mod view;
 use piola_compiler::jit::target;
 use piola_grammar::counted;
 use piola_mechanics::energy::{Energy as _, Total};
-use piola_mechanics::interaction::Inverted;
+use piola_mechanics::interaction::{Inverted, Report};
 use piola_output::OutputFolder;
 use piola_output::summary::{
     ExitReason, FNV1A64_OF_NOTHING, InteractionCounts, PhaseClock, SolverSummary, Summary, fnv1a64,
@@ -118,13 +118,13 @@ struct Begun<'a> {
 }
 
 impl Begun<'_> {
-    /// A summary of one's own case as that of the whole body, which has so many bonds.
-    fn of_whole(&self, summary: Summary, bonds: usize) -> Summary {
+    /// A summary of one's own case as that of the whole body, which has these interactions and lacks those.
+    fn of_whole(&self, summary: Summary, [there, dropped]: Counts) -> Summary {
         Summary {
             points: self.parts.n_points,
             probes: self.parts.probes.clone(),
-            interactions: InteractionCounts { bonds, ..InteractionCounts::default() },
-            dropped: InteractionCounts::default(),
+            interactions: there,
+            dropped,
             ..summary
         }
     }
@@ -212,7 +212,7 @@ fn load_steps(begun: &Begun<'_>, mut clock: PhaseClock) -> Result<Ending, RunErr
     let (t, solves) = (steps.t, steps.solves);
     let written = view.write_displacement(folder, &steps.u);
     agreed(engine, written.map_err(RunError::from))?;
-    let bonds = bonds(engine, energy, share);
+    let counts = counts(engine, energy);
     let unused = engine.unused_options().map_err(lost)?;
     let done = recorder.as_ref().map_or(0, Recorder::steps);
     let ending = Ending {
@@ -232,7 +232,7 @@ fn load_steps(begun: &Begun<'_>, mut clock: PhaseClock) -> Result<Ending, RunErr
         Some(recorder) => {
             let solver = solver_summary(solves);
             let told = (&ending, begun.options.clone());
-            recorder.finish(begun, told, (solver, bonds), (&resolved, clock))
+            recorder.finish(begun, told, (solver, counts), (&resolved, clock))
         }
         None => Ok(()),
     };
@@ -324,12 +324,19 @@ fn own_of(selection: &Selection, share: &Share) -> Selection {
     Selection { sets, probes: Vec::new(), warnings: Vec::new() }
 }
 
-/// How many bonds the body has. Collective.
-fn bonds(engine: &Engine, energy: &Total<'_>, share: &Share) -> usize {
-    let pattern = energy.bonds();
-    let own = share.own_of_held();
-    let upper = own.map(|point| pattern.row(point).len() - 1).sum::<usize>();
-    engine.all_gather(upper as u64).iter().sum::<u64>() as usize
+/// Interactions that there are, and those without a measure at rest, which are left out.
+type Counts = [InteractionCounts; 2];
+
+/// Those of the whole body. Collective.
+fn counts(engine: &Engine, energy: &Total<'_>) -> Counts {
+    let report = energy.report();
+    let Report { bonds, triangles, tetrahedra, dropped_triangles, dropped_tetrahedra, .. } = report;
+    let all = [bonds, triangles, tetrahedra, dropped_triangles, dropped_tetrahedra];
+    let mut all = all.map(|count| count as f64);
+    engine.sum(&mut all);
+    let [bonds, triangles, tetrahedra, flat, flat_tetrahedra] = all.map(|count| count as usize);
+    let dropped = InteractionCounts { bonds: 0, triangles: flat, tetrahedra: flat_tetrahedra };
+    [InteractionCounts { bonds, triangles, tetrahedra }, dropped]
 }
 
 fn solver_summary(solves: Solves) -> SolverSummary {

@@ -161,7 +161,7 @@ fn moved(
         inverted: Inverted::default(),
         warnings,
     };
-    let bonds = super::bonds(engine, energy, share);
+    let counts = super::counts(engine, energy);
     let written = match (recorder, folder) {
         (Some(recorder), Some(folder)) => {
             let options = sight.begun.options.clone();
@@ -171,7 +171,7 @@ fn moved(
                 told::summary((scene, motion), told, energy, mass[0])
             });
             let summary = summary(case, energy, (&ending, options), &resolved, &mut clock);
-            let summary = Summary { motion: told, ..sight.begun.of_whole(summary, bonds) };
+            let summary = Summary { motion: told, ..sight.begun.of_whole(summary, counts) };
             let written = summary.write(folder).and_then(|()| recorder.finish(title));
             written.and_then(|()| match reason {
                 ExitReason::Completed => folder.remove_checkpoint(),
@@ -274,9 +274,13 @@ fn go(
             Err(error) => {
                 let told = |own| stopped(case, of.drive, own);
                 let (reason, message) = ended(engine, error, told, of.exchange);
-                let behind = last.as_ref().map_or_else(String::new, |last: &Last| {
-                    format!("; the last row is that of t = {:e} s", last.row.t)
-                });
+                let behind = match (&last, &stand) {
+                    (Some(Last { row, .. }), _) => {
+                        format!("; the last row is that of t = {:e} s", row.t)
+                    }
+                    (None, Some(_)) => "; no row was written since the checkpoint".to_owned(),
+                    (None, None) => String::new(),
+                };
                 break (reason, message + &behind);
             }
         }

@@ -10,11 +10,11 @@ use piola_output::{
 };
 use piola_petsc::Engine;
 
-use super::Begun;
 use super::share::Share;
 use super::slab::Slab;
 use super::steps::Found;
 use super::view::{Look, Shown, Sketch, View};
+use super::{Begun, Counts};
 use crate::case::Case;
 use crate::scene::selection::{PointSet, Selection};
 use crate::simulation::run::{Ending, RunOptions, history, summary};
@@ -166,7 +166,7 @@ impl<'a> Recorder<'a> {
         self,
         begun: &Begun<'_>,
         (ending, options): (&Ending, RunOptions<'_>),
-        (solver, bonds): (SolverSummary, usize),
+        (solver, counts): (SolverSummary, Counts),
         (resolved, mut clock): (&str, PhaseClock),
     ) -> Result<(), OutputError> {
         if self.history.steps.is_empty() {
@@ -174,7 +174,7 @@ impl<'a> Recorder<'a> {
         }
         let (title, energy) = (options.title, begun.energy);
         let summary = summary(self.case, energy, (ending, options), resolved, &mut clock);
-        let mut summary = begun.of_whole(summary, bonds);
+        let mut summary = begun.of_whole(summary, counts);
         summary.solver = Some(solver);
         summary.steps = step_summaries(&self.history);
         summary.write(self.folder)?;

@@ -24,7 +24,7 @@ use crate::simulation::tracks::{self, Log, Progress};
 pub(super) const STEP: &str = "step";
 pub(super) const FRAME_TIMES: &str = "frame_times";
 const WORST: &str = "worst";
-const TRACKS: &str = "tracks";
+const TRACKS: &str = "tips";
 
 /// Writes what the rows bring.
 pub(super) struct Recorder<'a> {

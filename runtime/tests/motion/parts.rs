@@ -1,12 +1,16 @@
 //! Bodies in parts, each moved by a thread as processes move them, against the same bodies as a whole.
 
+use std::borrow::Cow;
 use std::ops::Range;
 use std::sync::{Arc, Barrier, Mutex};
 
 use piola_runtime::body::Body;
-use piola_runtime::solve::Watch;
+use piola_runtime::fracture::Breaking;
 use piola_runtime::solve::march::{Advance, March as _};
-use piola_runtime::solve::motion::{Initial, Motion, MotionError, MotionSettings, Others, Row};
+use piola_runtime::solve::motion::{
+    Initial, Motion, MotionError, MotionSettings, Others, Row, Snapshot,
+};
+use piola_runtime::solve::{Event, Observer, Watch};
 
 use crate::Conditions;
 use crate::cliques::{bodies, breaking, settings, start};
@@ -118,13 +122,24 @@ fn moved(made: Result<Motion<'_, Part<'_>>, MotionError>, own: Range<usize>) -> 
     left
 }
 
-/// Of a body in so many parts, in their order.
-fn in_parts(
+/// What a part is moved with.
+struct Ready<'a> {
+    part: Part<'a>,
+    energy: Breaking,
+    masses: Vec<f64>,
+    start: Initial,
+    drive: Conditions,
+    /// Degrees of freedom of own points.
+    own: Range<usize>,
+}
+
+/// Of a body in so many parts, in their order: what each leaves.
+fn of_parts<T: Send>(
     (body, horizon): (&Arc<Body>, f64),
     parts: usize,
-    settings: &MotionSettings,
     velocities: f64,
-) -> Vec<Left> {
+    then: impl Fn(Ready<'_>) -> T + Sync,
+) -> Vec<T> {
     let (d, n) = (body.dimension(), body.n_points());
     let meeting = Meeting::of(parts);
     let along = |point: usize| body.position(point)[0];
@@ -152,15 +167,28 @@ fn in_parts(
         };
         let masses: Vec<f64> = slab.volumes().iter().map(|v| 1e3 * v).collect();
         let drive = Conditions { loads: vec![0.0; d * slab.n_points()], ..Conditions::default() };
-        let (watch, own) = (Watch::default(), slab.counted());
+        let own = slab.counted();
         let own = own.start * d..own.end * d;
-        let made = Motion::among(&part, &energy, &masses, start, &drive, settings, &watch);
-        moved(made, own)
+        then(Ready { part, energy, masses, start, drive, own })
     };
+    let of_part = &of_part;
     std::thread::scope(|scope| {
         let all: Vec<_> =
             (0..parts).map(|number| scope.spawn(move || of_part(part(number)))).collect();
         all.into_iter().map(|one| one.join().unwrap()).collect()
+    })
+}
+
+fn in_parts(
+    body: (&Arc<Body>, f64),
+    parts: usize,
+    settings: &MotionSettings,
+    velocities: f64,
+) -> Vec<Left> {
+    of_parts(body, parts, velocities, |ready| {
+        let Ready { part, energy, masses, start, drive, own } = ready;
+        let watch = Watch::default();
+        moved(Motion::among(&part, &energy, &masses, start, &drive, settings, &watch), own)
     })
 }
 
@@ -221,4 +249,43 @@ fn where_one_part_cannot_go_on_all_stop() {
     let knowing: Vec<&Left> = found.iter().filter(knows).collect();
     assert_eq!(knowing.len(), 1);
     assert!(matches!(knowing[0].error, Some(MotionError::FlownOff(_))), "{:?}", knowing[0].error);
+}
+
+/// Who wants an end from the start.
+struct Hurried;
+
+impl Observer for Hurried {
+    fn notice(&self, _: Event<'_>) {}
+
+    fn wants_end(&self) -> bool {
+        true
+    }
+}
+
+/// One part is told to end before it goes on where it stood; all make the same step, and stop.
+#[test]
+fn parts_that_go_on_end_together() {
+    let (body, horizon) = &bodies()[2];
+    let settings = settings();
+    let steps = of_parts((body, *horizon), 3, 1.0, |ready| {
+        let Ready { part, energy, masses, start, drive, .. } = ready;
+        let watch = Watch::default();
+        let made = Motion::among(&part, &energy, &masses, start, &drive, &settings, &watch);
+        let mut motion = made.unwrap();
+        assert!(matches!(motion.advance_to(2), Ok(Advance::Step(_))));
+        let Snapshot { arrays, notes } = motion.snapshot();
+        let arrays = arrays.map(|array| Cow::Owned(array.into_owned()));
+        let snapshot = Snapshot { arrays, notes: Cow::Owned(notes.into_owned()) };
+        drop(motion);
+        // What is broken is broken already.
+        let watch = if part.number == 1 { Watch::by(Arc::new(Hurried)) } else { watch };
+        let (masses, drive) = (&masses[..], &drive);
+        let again =
+            Motion::resume_among(&part, &energy, masses, drive, &settings, &watch, snapshot);
+        let mut motion = again.unwrap();
+        assert!(matches!(motion.advance(), Ok(Advance::Step(_))));
+        assert!(matches!(motion.advance(), Ok(Advance::Interrupted)));
+        motion.step_reached()
+    });
+    assert_eq!(steps, [3; 3]);
 }

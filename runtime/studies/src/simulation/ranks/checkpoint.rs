@@ -31,6 +31,8 @@ const BROKEN: [&str; 3] = ["broken_bonds", "broken_areas", "broken_volumes"];
 const COUNTS: [&str; 3] = ["bonds_of_point", "areas_of_point", "volumes_of_point"];
 const MEMBERS: [&str; 3] = ["bonds", "areas", "volumes"];
 const STATES: &str = "states";
+/// The states of all that the rank holds: of points of the halo last bits may be others than their owners'.
+const HELD_STATES: &str = "held_states";
 
 /// Vectors of a snapshot, by their places in it, and what it tells of the status.
 const NUMBERS: usize = 0;
@@ -149,7 +151,7 @@ impl<'a> Store<'a> {
             };
             begin += n;
         }
-        arrays.push((STATES, states));
+        arrays.extend([(STATES, states), (HELD_STATES, all)]);
     }
 
     /// Where this rank's part of the motion stood, at a step of the motion. Of another number of ranks rank 0 takes over
@@ -165,6 +167,7 @@ impl<'a> Store<'a> {
         let mut vectors = VECTORS.map(|_| Vec::new());
         let (mut notes, mut numbers) = (Vec::new(), Vec::new());
         let mut status = Status::new(self.energy.fracture());
+        let mut held_states = None;
         for (part, ends) in ranges.windows(2).enumerate() {
             let is_near = ends[0] < held.end && held.start < ends[1];
             let sums_here = if is_alike { part == rank } else { rank == 0 };
@@ -184,6 +187,9 @@ impl<'a> Store<'a> {
                 let new: Vec<String> = read.header.notes.iter().filter(known).cloned().collect();
                 notes.extend(new);
             }
+            if is_alike && part == rank {
+                held_states = read.array(HELD_STATES).map(<[f64]>::to_vec);
+            }
             if is_near {
                 self.take(&read, ends, &mut vectors);
                 let taken = status.add(&read, ends, &self.share.held);
@@ -202,7 +208,8 @@ impl<'a> Store<'a> {
             arrays[place] = Cow::Owned(vector);
         }
         arrays[STATUS[0]] = Cow::Owned(broken);
-        arrays[STATUS[1]] = Cow::Owned(states);
+        let known = held_states.filter(|held| held.len() == states.len());
+        arrays[STATUS[1]] = Cow::Owned(known.unwrap_or(states));
         Ok(Snapshot { arrays, notes: Cow::Owned(notes) })
     }
 

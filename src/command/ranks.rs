@@ -83,12 +83,9 @@ fn solve(arguments: &Run, engine: &Engine) -> Exit {
     match (ran, folder) {
         (Ok(ending), folder) => {
             // Any of the processes may have got the signal.
-            let own = interrupt.signal().map_or(0.0, |signal| signal as u8 as f64);
-            let mut signal = [own];
-            engine.max(&mut signal);
-            let signal = [Signal::Interrupt, Signal::Terminate]
-                .into_iter()
-                .find(|one| *one as u8 as f64 == signal[0]);
+            let all = engine.all_gather(interrupt.signal().map_or(0, |signal| signal as u64));
+            let came = |signal: &Signal| all.contains(&(*signal as u64));
+            let signal = [Signal::Terminate, Signal::Interrupt].into_iter().find(came);
             // What it ended with the first process knows.
             folder.map_or(Exit::Done, |folder| report(case, &ending, &folder, signal))
         }

@@ -7,7 +7,7 @@ use std::sync::PoisonError;
 use std::time::{Duration, Instant};
 
 use super::moves::{counts_of_fracture, gathering, torn, viscous};
-use super::support::{SceneFolder, piola};
+use super::support::{SceneFolder, piola, repository};
 use super::{LIMIT, TURN, VECTORS, difference, end, on_ranks, signal, start};
 
 /// In many small steps, with a checkpoint every few milliseconds.
@@ -153,6 +153,10 @@ fn a_crack_goes_on() {
     let out = scene.path("again");
     ended(&scene, &out);
     piola(&["run", "--resume", &out]).expect(2).says(&["run over 2 ranks", "--petsc --resume"]);
+    // Load steps are not taken up, and leave what is there.
+    let steps = repository("examples/first/scene.toml");
+    let words = ["run", steps.to_str().unwrap(), "--petsc", "--resume", &out];
+    on_ranks(2, &words).expect(2).says(&["holds no checkpoint"]);
     // A part that is cut is no part.
     let part = names(Path::new(&out)).into_iter().rfind(|name| name.ends_with("_0001.bin"));
     let part = Path::new(&out).join(part.expect("parts"));

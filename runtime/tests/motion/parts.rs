@@ -277,7 +277,7 @@ fn parts_that_go_on_end_together() {
         let arrays = arrays.map(|array| Cow::Owned(array.into_owned()));
         let snapshot = Snapshot { arrays, notes: Cow::Owned(notes.into_owned()) };
         drop(motion);
-        // What is broken is broken already.
+        // The energy that goes on has lost what is broken.
         let watch = if part.number == 1 { Watch::by(Arc::new(Hurried)) } else { watch };
         let (masses, drive) = (&masses[..], &drive);
         let again =

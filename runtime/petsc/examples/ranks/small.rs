@@ -52,6 +52,12 @@ pub(crate) fn messages(engine: &Engine) -> Result<String, String> {
     let mut bytes = if rank == 0 { b"from rank 0".to_vec() } else { vec![7; rank] };
     engine.broadcast(&mut bytes);
     assert_eq!(bytes, b"from rank 0");
+    let part = |rank: usize| vec![rank as u8; 5 * rank];
+    let scattered = engine.scatter(|to| {
+        assert_eq!(engine.rank(), 0, "elsewhere it is not asked");
+        part(to)
+    });
+    assert_eq!(scattered, part(rank));
     assert_eq!(
         engine.all_gather(10 + rank as u64),
         Vec::from_iter((0..ranks as u64).map(|r| 10 + r))

@@ -38,6 +38,19 @@ impl Snapshot<'_> {
         "velocities_before",
     ];
 
+    /// The places of arrays among these.
+    pub const NUMBERS: usize = 0;
+    /// `dE/du`.
+    pub const FORCES: usize = 5;
+    /// What is broken.
+    pub const BROKEN: usize = 6;
+    /// What is remembered.
+    pub const STATES: usize = 7;
+    /// Empty where nothing dissipates.
+    pub const VELOCITIES_BEFORE: usize = 8;
+    /// All that are vectors.
+    pub const VECTORS: [usize; 6] = [1, 2, 3, 4, Snapshot::FORCES, Snapshot::VELOCITIES_BEFORE];
+
     /// The numbers of two parts of a body as those of one: sums of the account are added up.
     pub fn add_numbers(numbers: &mut [f64], more: &[f64]) {
         Balance::add_numbers(&mut numbers[N_SCALARS..], &more[N_SCALARS..]);

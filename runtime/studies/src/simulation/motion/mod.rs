@@ -187,8 +187,7 @@ fn snapshot<'a>(
     earlier: &'a Checkpoint<'_>,
     folder: &OutputFolder,
 ) -> Result<Snapshot<'a>, OutputError> {
-    let array = |name: &str| earlier.arrays.iter().find(|(known, _)| known == name);
-    let found = Snapshot::NAMES.map(|name| array(name).map(|(_, values)| &values[..]));
+    let found = Snapshot::NAMES.map(|name| earlier.array(name));
     if found.iter().any(Option::is_none) {
         return Err(OutputError::Checkpoint { path: folder.path_of(OutputFile::Checkpoint) });
     }

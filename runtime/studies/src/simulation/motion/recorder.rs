@@ -14,6 +14,7 @@ use piola_solvers::motion::{self, Row, Snapshot};
 
 use super::course::Unclosed;
 use super::told::{self, Seen};
+use crate::case::Case;
 use crate::scene::Motion;
 use crate::simulation::point_fields::PointFields;
 use crate::simulation::run::{Origin, frame};
@@ -66,6 +67,7 @@ pub(super) struct Recorder<'a> {
 /// How far the output is.
 #[derive(Clone, Debug, Default)]
 pub(in crate::simulation) struct Mark {
+    /// Lengths in bytes.
     pub(in crate::simulation) tables: Vec<u64>,
     pub(in crate::simulation) frames: usize,
     pub(in crate::simulation) worst: Unclosed,
@@ -76,6 +78,43 @@ pub(in crate::simulation) struct Mark {
 const FRAME_TIMES: &str = "frame_times";
 const WORST: &str = "worst";
 const TRACKS: &str = "tips";
+
+impl Mark {
+    /// As arrays of a checkpoint, where frames are at these times in s, and maybe later ones; its header has the tables.
+    pub(in crate::simulation) fn arrays<'t>(
+        &self,
+        times: &'t [f64],
+    ) -> Vec<(String, Cow<'t, [f64]>)> {
+        let worst = vec![self.worst.rounding, self.worst.largest];
+        let mut arrays = vec![
+            (FRAME_TIMES.to_owned(), Cow::Borrowed(&times[..self.frames])),
+            (WORST.to_owned(), Cow::Owned(worst)),
+        ];
+        let tracks = self.tracks.as_ref().map(|progress| Cow::Owned(progress.numbers()));
+        arrays.extend(tracks.map(|numbers| (TRACKS.to_owned(), numbers)));
+        arrays
+    }
+
+    /// What [`Mark::arrays`] made of one, with the times of frames in s: of a case of so many points, `breaks` where
+    /// something in it can. Nothing where arrays are missing.
+    pub(in crate::simulation) fn of(
+        earlier: &Checkpoint<'_>,
+        (case, n_points, breaks): (&Case, usize, bool),
+    ) -> Option<(Mark, Vec<f64>)> {
+        let times = earlier.array(FRAME_TIMES)?.to_vec();
+        let &[rounding, largest] = earlier.array(WORST)? else { return None };
+        let tracks = match breaks {
+            true => {
+                let n_tracks = case.scene.tracks.len();
+                Some(Progress::of_numbers(earlier.array(TRACKS)?, n_tracks, n_points)?)
+            }
+            false => None,
+        };
+        let worst = Unclosed { rounding, largest };
+        let (tables, frames) = (earlier.header.tables.clone(), times.len());
+        Some((Mark { tables, frames, worst, tracks }, times))
+    }
+}
 
 impl<'a> Recorder<'a> {
     pub(super) fn new(run: Run<'a>, known: Header) -> Result<Recorder<'a>, OutputError> {
@@ -92,28 +131,19 @@ impl<'a> Recorder<'a> {
         earlier: &Checkpoint<'_>,
         motion: &motion::Motion<'_>,
     ) -> Result<Recorder<'a>, OutputError> {
-        let array = |name: &str| {
-            let found = earlier.arrays.iter().find(|(known, _)| known == name);
-            found.map(|(_, values)| values.to_vec()).ok_or_else(|| OutputError::Checkpoint {
-                path: run.folder.path_of(OutputFile::Checkpoint),
-            })
-        };
-        let (times, worst) = (array(FRAME_TIMES)?, array(WORST)?);
+        let case = run.fields.case;
+        let mark = Mark::of(earlier, (case, case.body.n_points(), run.tracks.is_some()));
+        let path = || run.folder.path_of(OutputFile::Checkpoint);
+        let (mark, times) = mark.ok_or_else(|| OutputError::Checkpoint { path: path() })?;
         let framed = times.last().copied();
-        if let Some(tracks) = &mut run.tracks {
-            let (case, numbers) = (run.fields.case, array(TRACKS)?);
-            let (n_tracks, n_points) = (case.scene.tracks.len(), case.body.n_points());
-            let progress = Progress::of_numbers(&numbers, n_tracks, n_points);
-            let path = run.folder.path_of(OutputFile::Checkpoint);
-            tracks.resume(progress.ok_or(OutputError::Checkpoint { path })?);
+        if let Some((tracks, progress)) = run.tracks.as_mut().zip(mark.tracks) {
+            tracks.resume(progress);
         }
         let columns = columns(&run.fields, run.tracks.as_ref());
-        let tables = MotionTables::resume(run.folder, &columns, &earlier.header.tables)?;
+        let tables = MotionTables::resume(run.folder, &columns, &mark.tables)?;
         let frames = FrameSeries::resume(run.folder, run.points, times)?;
         let mut recorder = Recorder::with(run, known, frames, tables);
-        if let [rounding, largest] = worst[..] {
-            recorder.worst = Unclosed { rounding, largest };
-        }
+        recorder.worst = mark.worst;
         recorder.reached = (motion.step_reached(), motion.time_reached());
         recorder.resumed = Some(motion.step_reached());
         recorder.framed = framed;
@@ -160,11 +190,7 @@ impl<'a> Recorder<'a> {
         let Snapshot { arrays, notes } = motion.snapshot();
         let names = Snapshot::NAMES.map(str::to_owned);
         let mut all: Vec<_> = names.into_iter().zip(arrays).collect();
-        all.push((FRAME_TIMES.to_owned(), Cow::Borrowed(&self.frames.times()[..mark.frames])));
-        let worst = vec![mark.worst.rounding, mark.worst.largest];
-        all.push((WORST.to_owned(), Cow::Owned(worst)));
-        let tracks = mark.tracks.map(|progress| Cow::Owned(progress.numbers()));
-        all.extend(tracks.map(|numbers| (TRACKS.to_owned(), numbers)));
+        all.extend(mark.arrays(self.frames.times()));
         let header = Header { notes: notes.to_vec(), tables: mark.tables, ..self.known.clone() };
         // No checkpoint of lines that a power cut could take.
         let checkpoint = Checkpoint { header, arrays: all };

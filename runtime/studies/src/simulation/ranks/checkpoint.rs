@@ -7,7 +7,7 @@
 
 use std::borrow::Cow;
 use std::ops::Range;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use piola_mechanics::energy::{Energy as _, Total};
 use piola_mechanics::fracture::Fracture;
@@ -22,7 +22,7 @@ use super::Begun;
 use super::exchange::Exchange;
 use super::share::Share;
 use super::steps::agreed;
-use crate::simulation::run::RunError;
+use crate::simulation::run::{RunError, hash};
 
 /// Arrays of a part: of what points it is; of bonds, triangles and tetrahedra what is broken, by the points of each; of
 /// those that remember how many each own point has, and their other points; and the states.
@@ -31,15 +31,9 @@ const BROKEN: [&str; 3] = ["broken_bonds", "broken_areas", "broken_volumes"];
 const COUNTS: [&str; 3] = ["bonds_of_point", "areas_of_point", "volumes_of_point"];
 const MEMBERS: [&str; 3] = ["bonds", "areas", "volumes"];
 const STATES: &str = "states";
-/// The states of all that the rank holds: of points of the halo last bits may be others than their owners'.
+/// Where families remember, the states of all that the rank holds: sums over families of the halo may have gone in another
+/// order than their owners', and have other last bits.
 const HELD_STATES: &str = "held_states";
-
-/// Vectors of a snapshot, by their places in it, and what it tells of the status.
-const NUMBERS: usize = 0;
-const VECTORS: [usize; 6] = [1, 2, 3, 4, FORCES, BEFORE];
-const FORCES: usize = 5;
-const STATUS: [usize; 2] = [6, 7];
-const BEFORE: usize = 8;
 
 type Arrays = Vec<(String, Cow<'static, [f64]>)>;
 
@@ -50,21 +44,15 @@ pub(super) struct Store<'a> {
     energy: &'a Total<'a>,
     n_points: usize,
     /// Of the run, as rank 0 names it.
-    pub(super) folder: PathBuf,
+    pub(super) folder: &'a Path,
     pub(super) hash: String,
 }
 
 impl<'a> Store<'a> {
-    pub(super) fn new(begun: &Begun<'a>, folder: PathBuf, hash: &str) -> Store<'a> {
-        let Begun { engine, share, energy, .. } = *begun;
-        Store {
-            engine,
-            share,
-            energy,
-            n_points: begun.parts.n_points,
-            folder,
-            hash: hash.to_owned(),
-        }
+    pub(super) fn new(begun: &Begun<'a>) -> Store<'a> {
+        let Begun { engine, share, energy, case, path: folder, .. } = *begun;
+        let (n_points, hash) = (begun.parts.n_points, hash(case, &case.scene.resolved_toml()));
+        Store { engine, share, energy, n_points, folder, hash }
     }
 
     /// Writes the parts of a checkpoint. Collective.
@@ -83,7 +71,7 @@ impl<'a> Store<'a> {
             ..Header::default()
         };
         let part = Checkpoint { header, arrays: self.arrays(&snapshot) };
-        let written = part.write_part(&self.folder, (turn, self.engine.rank()));
+        let written = part.write_part(self.folder, (turn, self.engine.rank()));
         agreed(self.engine, written.map_err(RunError::from))
     }
 
@@ -92,21 +80,21 @@ impl<'a> Store<'a> {
         let range = [self.share.own.start, self.share.own.end].map(|point| point as f64);
         let mut arrays: Vec<(&str, Vec<f64>)> = vec![
             (RANGE, range.to_vec()),
-            (Snapshot::NAMES[NUMBERS], snapshot.arrays[NUMBERS].to_vec()),
+            (Snapshot::NAMES[Snapshot::NUMBERS], snapshot.arrays[Snapshot::NUMBERS].to_vec()),
         ];
-        for place in VECTORS {
+        for place in Snapshot::VECTORS {
             let whole = &snapshot.arrays[place];
             let own = whole.get(own.start * d..own.end * d).unwrap_or_default().to_vec();
             arrays.push((Snapshot::NAMES[place], own));
         }
         if let Some(fracture) = self.energy.fracture() {
-            self.add_status(fracture, &mut arrays);
+            self.add_status(fracture, &snapshot.arrays[Snapshot::STATES], &mut arrays);
         }
         arrays.into_iter().map(|(name, values)| (name.to_owned(), Cow::Owned(values))).collect()
     }
 
-    /// What is broken and what is remembered of own interactions.
-    fn add_status(&self, fracture: &dyn Fracture, arrays: &mut Vec<(&str, Vec<f64>)>) {
+    /// What is broken and what is remembered of own interactions, of the states of all that are held.
+    fn add_status(&self, fracture: &dyn Fracture, all: &[f64], arrays: &mut Vec<(&str, Vec<f64>)>) {
         let (own, first) = (self.share.own_of_held(), self.share.held.start);
         let number = |point: &usize| (first + point) as f64;
         let remembering = fracture.remembering();
@@ -136,7 +124,7 @@ impl<'a> Store<'a> {
                 arrays.extend([(COUNTS[kind], counts), (MEMBERS[kind], members)]);
             }
         }
-        let (all, mut begin, mut states) = (fracture.states(), 0, Vec::new());
+        let (mut begin, mut states) = (0, Vec::new());
         for of in remembering {
             let n = match of {
                 StateOf::Points => {
@@ -151,7 +139,10 @@ impl<'a> Store<'a> {
             };
             begin += n;
         }
-        arrays.extend([(STATES, states), (HELD_STATES, all)]);
+        arrays.push((STATES, states));
+        if !fracture.can_follow() {
+            arrays.push((HELD_STATES, all.to_vec()));
+        }
     }
 
     /// Where this rank's part of the motion stood, at a step of the motion. Of another number of ranks rank 0 takes over
@@ -164,7 +155,7 @@ impl<'a> Store<'a> {
         let is_alike = parts.n == self.engine.ranks();
         let ranges = Share::ranges(self.n_points, parts.n);
         let held = self.share.held.start as u64..self.share.held.end as u64;
-        let mut vectors = VECTORS.map(|_| Vec::new());
+        let mut vectors = Snapshot::VECTORS.map(|_| Vec::new());
         let (mut notes, mut numbers) = (Vec::new(), Vec::new());
         let mut status = Status::new(self.energy.fracture());
         let mut held_states = None;
@@ -175,7 +166,7 @@ impl<'a> Store<'a> {
                 continue;
             }
             let read = self.part((parts.turn, part), (ends, step))?;
-            let told = read.array(Snapshot::NAMES[NUMBERS]).unwrap_or_default();
+            let told = read.array(Snapshot::NAMES[Snapshot::NUMBERS]).unwrap_or_default();
             match (sums_here, numbers.is_empty()) {
                 (true, true) => numbers = told.to_vec(),
                 (true, false) if !is_alike => Snapshot::add_numbers(&mut numbers, told),
@@ -196,20 +187,19 @@ impl<'a> Store<'a> {
                 taken.ok_or_else(|| self.damaged((parts.turn, part)))?;
             }
         }
-        if !is_alike {
-            // Forces have other last bits.
-            vectors[VECTORS.iter().position(|place| *place == FORCES).unwrap_or(0)].clear();
-        }
         let [broken, states] =
             status.numbers(self.energy.fracture()).ok_or_else(|| self.damaged((parts.turn, 0)))?;
         let mut arrays: [Cow<'static, [f64]>; 9] = Default::default();
-        arrays[NUMBERS] = Cow::Owned(numbers);
-        for (place, vector) in VECTORS.into_iter().zip(vectors) {
+        arrays[Snapshot::NUMBERS] = Cow::Owned(numbers);
+        for (place, vector) in Snapshot::VECTORS.into_iter().zip(vectors) {
             arrays[place] = Cow::Owned(vector);
         }
-        arrays[STATUS[0]] = Cow::Owned(broken);
-        let known = held_states.filter(|held| held.len() == states.len());
-        arrays[STATUS[1]] = Cow::Owned(known.unwrap_or(states));
+        if !is_alike {
+            // They have other last bits.
+            arrays[Snapshot::FORCES] = Cow::default();
+        }
+        arrays[Snapshot::BROKEN] = Cow::Owned(broken);
+        arrays[Snapshot::STATES] = Cow::Owned(held_states.unwrap_or(states));
         Ok(Snapshot { arrays, notes: Cow::Owned(notes) })
     }
 
@@ -235,18 +225,19 @@ impl<'a> Store<'a> {
         place: (usize, usize),
         (ends, step): (&[u64], f64),
     ) -> Result<Checkpoint<'static>, OutputError> {
-        let read = Checkpoint::read_part(&self.folder, place)?;
+        let read = Checkpoint::read_part(self.folder, place)?;
         let expected: Vec<f64> = ends.iter().map(|end| *end as f64).collect();
         let d = self.energy.dimension();
         let n = (ends[1] - ends[0]) as usize * d;
         let has_size = |place: usize| {
             let length = read.array(Snapshot::NAMES[place]).map(<[f64]>::len);
-            length == Some(n) || place == BEFORE && length == Some(0)
+            length == Some(n) || place == Snapshot::VELOCITIES_BEFORE && length == Some(0)
         };
         let is_it = read.header.scene_hash == self.hash
             && read.array(RANGE) == Some(&expected)
-            && read.array(Snapshot::NAMES[NUMBERS]).and_then(<[f64]>::first) == Some(&step)
-            && VECTORS.into_iter().all(has_size);
+            && read.array(Snapshot::NAMES[Snapshot::NUMBERS]).and_then(<[f64]>::first)
+                == Some(&step)
+            && Snapshot::VECTORS.into_iter().all(has_size);
         if is_it { Ok(read) } else { Err(self.damaged(place)) }
     }
 
@@ -255,7 +246,7 @@ impl<'a> Store<'a> {
         let (d, Share { own, held, .. }) = (self.energy.dimension(), self.share);
         let from = own.start.max(ends[0] as usize);
         let to = own.end.min(ends[1] as usize);
-        for (place, vector) in VECTORS.into_iter().zip(vectors) {
+        for (place, vector) in Snapshot::VECTORS.into_iter().zip(vectors) {
             let values = read.array(Snapshot::NAMES[place]).unwrap_or_default();
             if values.is_empty() {
                 continue;
@@ -365,8 +356,7 @@ impl Status {
                 Measure::Area | Measure::Volume => fracture.n_cliques(measure),
             };
         }
-        let states = self.states.concat();
-        (all_remember && states.len() == fracture.states().len()).then_some([gone, states])
+        all_remember.then(|| [gone, self.states.concat()])
     }
 }
 
@@ -378,14 +368,4 @@ fn corners(mut points: impl Iterator<Item = Option<u32>>) -> Option<[u32; 4]> {
         *corner = point?;
     }
     Some(corners)
-}
-
-/// The folder of the run as all ranks see it. Collective.
-pub(super) fn folder_of_all(engine: &Engine, folder: Option<&Path>) -> PathBuf {
-    let mut path = folder.map_or_else(Vec::new, |folder| {
-        let path = std::path::absolute(folder);
-        path.as_deref().unwrap_or(folder).to_string_lossy().into_owned().into_bytes()
-    });
-    engine.broadcast(&mut path);
-    Path::new(String::from_utf8_lossy(&path).as_ref()).to_owned()
 }

@@ -34,14 +34,16 @@ mod slab;
 mod steps;
 mod view;
 
+use std::path::{Path, PathBuf};
+
 use piola_compiler::jit::target;
 use piola_grammar::counted;
 use piola_mechanics::energy::{Energy as _, Total};
 use piola_mechanics::interaction::{Inverted, Report};
-use piola_output::OutputFolder;
 use piola_output::summary::{
     ExitReason, FNV1A64_OF_NOTHING, InteractionCounts, PhaseClock, SolverSummary, Summary, fnv1a64,
 };
+use piola_output::{OutputError, OutputFolder};
 pub use piola_petsc::Engine;
 use piola_solvers::Watch;
 use piola_solvers::motion::Method;
@@ -74,6 +76,10 @@ pub fn run(
     watch: &Watch,
 ) -> Result<Ending, RunError> {
     let case = &parts.case;
+    // Load steps have none.
+    let nothing = folder.filter(|_| options.resumes && case.scene.motion.is_none());
+    let none = nothing.map(|folder| OutputError::NoCheckpoint { path: folder.path().to_owned() });
+    agreed(engine, none.map_or(Ok(()), Err))?;
     // What all ranks find alike is agreed on all the same: files may differ from machine to machine.
     agreed(engine, refuse(case).and_then(|()| case.check_rest()))?;
     let mut clock = PhaseClock::new();
@@ -82,11 +88,13 @@ pub fn run(
     check_kernels(case, engine)?;
     enter(&mut clock, watch, "interactions");
     let (energy, fields) = agreed(engine, case.solved_energy(compiled))?;
+    let path = path_of_all(engine, folder.map(OutputFolder::path));
     let begun = Begun {
         engine,
         parts,
         case,
         folder,
+        path: &path,
         options,
         watch,
         share: &parts.share,
@@ -100,6 +108,16 @@ pub fn run(
     }
 }
 
+/// The folder of the run as all ranks see it. Collective.
+fn path_of_all(engine: &Engine, folder: Option<&Path>) -> PathBuf {
+    let mut path = folder.map_or_else(Vec::new, |folder| {
+        let path = std::path::absolute(folder);
+        path.as_deref().unwrap_or(folder).to_string_lossy().into_owned().into_bytes()
+    });
+    engine.broadcast(&mut path);
+    PathBuf::from(String::from_utf8_lossy(&path).as_ref())
+}
+
 /// A case that is made ready on a rank.
 struct Begun<'a> {
     engine: &'a Engine,
@@ -110,6 +128,8 @@ struct Begun<'a> {
     fields: &'a FieldsInTime<'a>,
     /// On rank 0.
     folder: Option<&'a OutputFolder>,
+    /// Of the run, as rank 0 names it.
+    path: &'a Path,
     options: RunOptions<'a>,
     watch: &'a Watch,
     share: &'a Share,
@@ -140,7 +160,7 @@ fn load_steps(begun: &Begun<'_>, mut clock: PhaseClock) -> Result<Ending, RunErr
         Slab::new((engine, share), energy, boundary.fixed_dofs(), tolerance).map_err(lost)?;
     let newton = slab.solver(share).map_err(lost)?;
     let fixed = boundary.fixed_dofs();
-    let view = View::new((engine, share), begun.parts, fixed, folder)?;
+    let view = View::new(begun, fixed)?;
     let resolved = case.scene.resolved_toml();
     let made = match (folder, &view.sketch) {
         (Some(folder), Some(sketch)) => {

@@ -3,29 +3,30 @@
 use std::time::Duration;
 
 use piola_grammar::counted;
+use piola_mechanics::energy::Energy as _;
 use piola_mechanics::interaction::Inverted;
-use piola_output::checkpoint::{Checkpoint, Parts};
+use piola_output::checkpoint::Parts;
 use piola_output::summary::{ExitReason, PhaseClock, Summary};
-use piola_output::{OutputError, OutputFile, OutputFolder};
+use piola_output::{OutputError, OutputFile};
 use piola_petsc::Engine;
 use piola_solvers::march::{Advance, March as _, State};
 use piola_solvers::motion::{self, MotionDrive as _, MotionError, Row};
 
-use super::checkpoint::{Store, folder_of_all};
+use super::checkpoint::Store;
 use super::exchange::Exchange;
 use super::parts::ends;
-use super::recorder::{FRAME_TIMES, Recorder, STEP};
+use super::recorder::{Recorder, STEP};
 use super::steps::{agreed, lost};
 use super::view::{Shown, View, gathered};
 use super::{Begun, own_of};
 use crate::case::CaseError;
+use crate::scene::Motion;
 use crate::scene::boundary::BoundaryConditions;
 use crate::scene::drive::{MotionConditions, initial};
 use crate::scene::selection::{Selection, edge_of};
-use crate::scene::{Motion, Points};
 use crate::simulation::motion::driven::Driven;
 use crate::simulation::motion::told::{self, Seen};
-use crate::simulation::motion::{earlier, header, refused, settings, stopped};
+use crate::simulation::motion::{Mark, earlier, header, refused, settings, stopped};
 use crate::simulation::point_fields::PointFields;
 use crate::simulation::run::{Ending, RunError, enter, frame, hash, summary};
 use crate::simulation::tracks::{self, Damaged, Lookout};
@@ -55,24 +56,22 @@ pub(super) fn run(
     let extents = Extents::of(begun);
     let lookout = Lookout::new(case, energy, selection, (extents.spacing, share.held.start));
     let fields = PointFields { case, energy, selection, masses: Some(&masses) };
-    let view = View::new((engine, share), begun.parts, &fixed, begun.folder)?;
-    let hash = hash(case, &case.scene.resolved_toml());
-    let folder = folder_of_all(engine, begun.folder.map(OutputFolder::path));
-    let store = Store::new(begun, folder, &hash);
+    let view = View::new(begun, &fixed)?;
+    let store = Store::new(begun);
     let sight = Sight { begun, fields, own: &own, lookout, extents, view: &view };
     let before = sight.cracks();
     let earlier = match begun.options.resumes {
-        true => Some(agreed(engine, left(begun, &hash))?),
+        true => Some(agreed(engine, left(begun))?),
         false => None,
     };
     let (settings, watch) = (settings(case, scene), begun.watch);
     let made = match &earlier {
-        Some((_, stand)) => {
-            let Stand { parts, step, .. } = *stand;
-            let from = agreed(engine, store.read(parts, step).map_err(RunError::from))?;
-            let from = store.with_all_notes(from, parts);
-            let (all, drive) = ((&exchange, energy), &drive);
-            motion::Motion::resume_among(all.0, all.1, &masses, drive, &settings, watch, from)
+        Some(Earlier { parts, step, .. }) => {
+            let from = agreed(engine, store.read(*parts, *step).map_err(RunError::from))?;
+            let from = store.with_all_notes(from, *parts);
+            let (masses, drive) = (&masses[..], &drive);
+            let others = &exchange;
+            motion::Motion::resume_among(others, energy, masses, drive, &settings, watch, from)
         }
         None => motion::Motion::among(&exchange, energy, &masses, start, &drive, &settings, watch),
     };
@@ -106,7 +105,7 @@ fn moved(
     of: &Of<'_>,
     scene: &Motion,
     motion: &mut motion::Motion<'_, Exchange<'_>>,
-    (before, earlier): (Option<tracks::Seen>, Option<(Option<Checkpoint<'_>>, Stand)>),
+    (before, mut earlier): (Option<tracks::Seen>, Option<Earlier>),
     mut clock: PhaseClock,
 ) -> Result<Ending, RunError> {
     let sight = of.sight;
@@ -114,20 +113,19 @@ fn moved(
     let masses = sight.fields.masses.unwrap_or_default();
     enter(&mut clock, sight.begun.watch, "move");
     let resolved = case.scene.resolved_toml();
-    let (head, stand) = earlier.map_or((None, None), |(head, stand)| (head, Some(stand)));
+    let output = earlier.as_mut().and_then(|earlier| earlier.output.take());
     let made = match (folder, &sight.view.sketch) {
         (Some(folder), Some(sketch)) => {
             let kept = folder.write(OutputFile::ResolvedScene, resolved.as_bytes());
             let known = header(sight.begun.options.origin, &of.store.hash);
             let place = (sight, folder, sketch);
-            kept.and_then(|()| Recorder::new(place, known, before, head.as_ref()).map(Some))
+            kept.and_then(|()| Recorder::new(place, known, before, output).map(Some))
         }
         _ => Ok(None),
     };
-    drop(head);
     let mut recorder = agreed(engine, made.map_err(RunError::from))?;
-    let resumed = stand.as_ref().map(|_| motion.step_reached());
-    let gone = go(of, motion, &mut recorder, stand)?;
+    let resumed = earlier.as_ref().map(|_| motion.step_reached());
+    let gone = go(of, motion, &mut recorder, earlier)?;
     enter(&mut clock, sight.begun.watch, "output");
     let Gone { reason, message, last, frames } = gone;
     if let Some(last) = &last {
@@ -184,43 +182,46 @@ fn moved(
     Ok(ending)
 }
 
-/// What all ranks know of where an earlier run stood.
-#[derive(Clone, Copy, Default)]
-struct Stand {
+/// Where an earlier run stood.
+struct Earlier {
     parts: Parts,
     step: f64,
     /// How many frames there are.
     frames: usize,
+    /// On rank 0 how far the output was, with the times of frames in s.
+    output: Option<(Mark, Vec<f64>)>,
 }
 
-/// What an earlier run left of this scene: on rank 0 what it knew of the whole. Collective; an error is one of rank 0.
-fn left(begun: &Begun<'_>, hash: &str) -> Result<(Option<Checkpoint<'static>>, Stand), RunError> {
+/// What an earlier run left of this scene. Collective; an error is one of rank 0.
+fn left(begun: &Begun<'_>) -> Result<Earlier, RunError> {
     let found = begun.folder.map(|folder| {
-        let head = earlier(folder, hash)?;
+        let (case, path) = (begun.case, folder.path_of(OutputFile::Checkpoint));
+        let head = earlier(folder, &hash(case, &case.scene.resolved_toml()))?;
         let by_one = format!(
             "the checkpoint in `{}` is of a run by one process: leave --petsc out",
             folder.path().display()
         );
         let parts = head.header.parts.ok_or(CaseError::Body { message: by_one })?;
-        let path = folder.path_of(OutputFile::Checkpoint);
+        let breaks = begun.energy.fracture().is_some();
+        let output = Mark::of(&head, (case, begun.parts.n_points, breaks));
         let step = head.array(STEP).and_then(|step| step.first()).copied();
-        let step = step.ok_or(OutputError::Checkpoint { path })?;
-        let frames = head.array(FRAME_TIMES).map_or(0, <[f64]>::len);
-        Ok((head, Stand { parts, step, frames }))
+        let found = step.zip(output).ok_or(OutputError::Checkpoint { path })?;
+        Ok::<_, RunError>((parts, found))
     });
-    let stand = match &found {
-        Some(Ok((_, stand))) => *stand,
-        _ => Stand::default(),
-    };
-    let Stand { parts: Parts { n, turn }, step, frames } = stand;
-    let numbers = [n as u64, turn as u64, step.to_bits(), frames as u64];
+    let mut numbers = [0; 4];
+    if let Some(Ok((Parts { n, turn }, (step, (mark, _))))) = &found {
+        numbers = [*n as u64, *turn as u64, step.to_bits(), mark.frames as u64];
+    }
     let mut bytes = numbers.map(u64::to_le_bytes).concat();
     begun.engine.broadcast(&mut bytes);
     let mut numbers = bytes.as_chunks::<8>().0.iter().map(|eight| u64::from_le_bytes(*eight));
     let mut next = || numbers.next().unwrap_or_default();
-    let parts = Parts { n: next() as usize, turn: next() as usize };
-    let stand = Stand { parts, step: f64::from_bits(next()), frames: next() as usize };
-    found.map_or(Ok((None, stand)), |found| found.map(|(head, _)| (Some(head), stand)))
+    Ok(Earlier {
+        parts: Parts { n: next() as usize, turn: next() as usize },
+        step: f64::from_bits(next()),
+        frames: next() as usize,
+        output: found.transpose()?.map(|(_, (_, output))| output),
+    })
 }
 
 /// How a motion has ended.
@@ -245,13 +246,13 @@ fn go(
     of: &Of<'_>,
     motion: &mut motion::Motion<'_, Exchange<'_>>,
     recorder: &mut Option<Recorder<'_>>,
-    stand: Option<Stand>,
+    earlier: Option<Earlier>,
 ) -> Result<Gone, RunError> {
     let Begun { engine, case, .. } = *of.sight.begun;
-    let (mut n_frames, mut last) = (stand.map_or(0, |stand| stand.frames), None);
-    let mut turn = stand.map_or(0, |stand| 1 - stand.parts.turn.min(1));
+    let (mut n_frames, mut last) = (earlier.as_ref().map_or(0, |earlier| earlier.frames), None);
+    let mut turn = earlier.as_ref().map_or(0, |earlier| 1 - earlier.parts.turn.min(1));
     // The row that it starts from stands in the tables of a run that is taken up.
-    let mut next = if stand.is_some() { motion.advance() } else { motion.advance_to(0) };
+    let mut next = if earlier.is_some() { motion.advance() } else { motion.advance_to(0) };
     let (reason, message) = loop {
         match next {
             Ok(Advance::Step(row)) => {
@@ -274,7 +275,7 @@ fn go(
             Err(error) => {
                 let told = |own| stopped(case, of.drive, own);
                 let (reason, message) = ended(engine, error, told, of.exchange);
-                let behind = match (&last, &stand) {
+                let behind = match (&last, &earlier) {
                     (Some(Last { row, .. }), _) => {
                         format!("; the last row is that of t = {:e} s", row.t)
                     }
@@ -395,10 +396,8 @@ impl Extents {
         engine.sum(&mut sums);
         let edge = edge_of(d, sums[0] / sums[1]);
         let ends = ends(body, own, engine);
-        let side = |axis: usize| match &case.scene.body.points {
-            Points::Lattice(shape) => shape.high[axis] - shape.low[axis],
-            Points::Cloud { .. } | Points::Mesh(_) => edge + ends[d + axis] - ends[axis],
-        };
+        let side =
+            |axis: usize| tracks::side(&case.scene, axis, || edge + ends[d + axis] - ends[axis]);
         Extents { spacing: body.spacing().unwrap_or(edge), sides: (0..d).map(side).collect() }
     }
 }

@@ -7,7 +7,7 @@ use piola_output::checkpoint::{Checkpoint, Header, Parts};
 use piola_output::motion::{MotionColumns, MotionTables};
 use piola_output::picture::{Charts, Picture};
 use piola_output::pvd::FrameSeries;
-use piola_output::{OutputError, OutputFile, OutputFolder};
+use piola_output::{OutputError, OutputFolder};
 use piola_solvers::motion::{Motion, Row};
 
 use super::Begun;
@@ -17,14 +17,10 @@ use super::view::{Look, Shown, Sketch};
 use crate::simulation::motion::Mark;
 use crate::simulation::motion::course::Unclosed;
 use crate::simulation::motion::told::{self, Seen};
-use crate::simulation::tracks::{self, Log, Progress};
+use crate::simulation::tracks::{self, Log};
 
-/// Arrays of what names the parts of a checkpoint: the step at which they stand, times of frames, what did not close so
-/// far, and how far the rows of cracks are.
+/// The array of what names the parts of a checkpoint that tells at which step they stand.
 pub(super) const STEP: &str = "step";
-pub(super) const FRAME_TIMES: &str = "frame_times";
-const WORST: &str = "worst";
-const TRACKS: &str = "tips";
 
 /// Writes what the rows bring.
 pub(super) struct Recorder<'a> {
@@ -44,35 +40,29 @@ pub(super) struct Recorder<'a> {
 }
 
 impl<'a> Recorder<'a> {
-    /// From the start, where this is seen of cracks; or where an earlier run stood, what it wrote after that is written
-    /// again.
+    /// From the start, where this is seen of cracks; or from where the output of an earlier run was, with its frames at
+    /// these times in s: what it wrote after that is written again.
     pub(super) fn new(
         (sight, folder, sketch): (&'a Sight<'a>, &'a OutputFolder, &'a Sketch),
         known: Header,
         cracks: Option<tracks::Seen>,
-        earlier: Option<&Checkpoint<'_>>,
+        earlier: Option<(Mark, Vec<f64>)>,
     ) -> Result<Recorder<'a>, OutputError> {
         let Begun { case, energy, selection, .. } = *sight.begun;
         let extent = |axis: usize| sight.extents.sides[axis];
         let mut log = cracks.map(|seen| Log::new(case, &extent, seen, true));
-        let mut worst = Unclosed::default();
         let columns = told::columns(case, energy, selection, log.as_ref().map(Log::columns));
-        let damaged = || OutputError::Checkpoint { path: folder.path_of(OutputFile::Checkpoint) };
-        let (tables, frames) = match earlier {
-            None => (MotionTables::new(folder, &columns)?, sight.view.series(folder, sketch)?),
-            Some(earlier) => {
-                let array = |name: &str| earlier.array(name).ok_or_else(damaged);
-                if let Some(log) = &mut log {
-                    let (n_tracks, n_points) = (case.scene.tracks.len(), sight.view.n_points());
-                    let progress = Progress::of_numbers(array(TRACKS)?, n_tracks, n_points);
-                    log.resume(progress.ok_or_else(damaged)?);
+        let (tables, frames, worst) = match earlier {
+            None => {
+                let tables = MotionTables::new(folder, &columns)?;
+                (tables, sight.view.series(folder, sketch)?, Unclosed::default())
+            }
+            Some((mark, times)) => {
+                if let Some((log, progress)) = log.as_mut().zip(mark.tracks) {
+                    log.resume(progress);
                 }
-                if let [rounding, largest] = *array(WORST)? {
-                    worst = Unclosed { rounding, largest };
-                }
-                let times = array(FRAME_TIMES)?.to_vec();
-                let tables = MotionTables::resume(folder, &columns, &earlier.header.tables)?;
-                (tables, sight.view.series_behind(folder, sketch, times)?)
+                let tables = MotionTables::resume(folder, &columns, &mark.tables)?;
+                (tables, sight.view.series_behind(folder, sketch, times)?, mark.worst)
             }
         };
         let (last, before) = (None, Mark::default());
@@ -129,13 +119,8 @@ impl<'a> Recorder<'a> {
         parts: Parts,
     ) -> Result<(), OutputError> {
         let mark = if motion.is_between_rows() { self.before.clone() } else { self.mark() };
-        let mut arrays: Vec<(&str, Cow<'_, [f64]>)> = vec![
-            (STEP, Cow::Owned(vec![motion.step_reached() as f64])),
-            (FRAME_TIMES, Cow::Borrowed(&self.frames.times()[..mark.frames])),
-            (WORST, Cow::Owned(vec![mark.worst.rounding, mark.worst.largest])),
-        ];
-        arrays.extend(mark.tracks.map(|progress| (TRACKS, Cow::Owned(progress.numbers()))));
-        let arrays = arrays.into_iter().map(|(name, values)| (name.to_owned(), values)).collect();
+        let mut arrays = mark.arrays(self.frames.times());
+        arrays.push((STEP.to_owned(), Cow::Owned(vec![motion.step_reached() as f64])));
         let header = Header { tables: mark.tables, parts: Some(parts), ..self.known.clone() };
         // No checkpoint of lines that a power cut could take.
         self.tables.synchronise()?;

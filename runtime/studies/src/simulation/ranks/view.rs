@@ -1,7 +1,7 @@
 //! What ranks show of a body: frames, of which each writes its own points, and on rank 0 the picture of so many points
 //! as a picture shows.
 
-use std::path::PathBuf;
+use std::path::Path;
 
 use piola_mechanics::body::Body;
 use piola_output::picture::{Colour, NamedPoints};
@@ -11,8 +11,8 @@ use piola_output::table::write_displacement_of;
 use piola_output::{Frame, OutputError, OutputFolder, PointField, Points};
 use piola_petsc::{Engine, EngineError, Halo};
 
-use super::checkpoint::folder_of_all;
-use super::parts::{Parts, ends};
+use super::Begun;
+use super::parts::ends;
 use super::share::Share;
 use super::steps::{agreed, lost};
 use crate::scene::selection::Selection;
@@ -76,16 +76,13 @@ pub(super) struct Shown {
 }
 
 impl<'a> View<'a> {
-    /// Of the part of a case that a rank holds; `fixed` are degrees of freedom of its own that are prescribed. `folder` is
-    /// that of rank 0. Collective.
+    /// Of the part of a case that a rank holds; `fixed` are degrees of freedom of its own that are prescribed. Collective.
     ///
     /// # Errors
     /// What PETSc reports.
     pub(super) fn new(
-        (engine, share): (&'a Engine, &'a Share),
-        parts: &'a Parts,
+        Begun { engine, share, parts, path, .. }: &Begun<'a>,
         fixed: &[usize],
-        folder: Option<&OutputFolder>,
     ) -> Result<View<'a>, RunError> {
         let (case, n_points) = (&parts.case, parts.n_points);
         let body = case.body.as_ref();
@@ -101,7 +98,7 @@ impl<'a> View<'a> {
         let sketch = sketch.map(|one| Sketch { points: one.points.with_mesh(mesh), ..one });
         let pieces = match parts.is_mesh {
             true => None,
-            false => Some(Pieces::new((engine, share), body, &held, folder).map_err(lost)?),
+            false => Some(Pieces::new((engine, share), body, &held, path).map_err(lost)?),
         };
         Ok(View { engine, body, share, n_points, shown, sketch, pieces })
     }
@@ -154,7 +151,7 @@ impl<'a> View<'a> {
             (Some(number), Some(pieces)) => {
                 let own = pieces.frame(self.body, frame).map_err(lost)?;
                 let place = (number, self.engine.rank());
-                let written = pieces.piece.write(&pieces.folder, place, &own);
+                let written = pieces.piece.write(pieces.folder, place, &own);
                 agreed(self.engine, written.map_err(RunError::from))?;
                 Some(named(own, self.body.dimension()))
             }
@@ -352,7 +349,7 @@ struct Pieces<'e> {
     /// Exchanges of a number, a vector and a tensor of each point.
     halos: [Halo<'e>; 3],
     /// Of the run, as rank 0 names it.
-    folder: PathBuf,
+    folder: &'e Path,
 }
 
 impl<'e> Pieces<'e> {
@@ -360,7 +357,7 @@ impl<'e> Pieces<'e> {
         (engine, share): (&'e Engine, &'e Share),
         body: &Body,
         held: &[f64],
-        folder: Option<&OutputFolder>,
+        folder: &'e Path,
     ) -> Result<Pieces<'e>, EngineError> {
         let own = share.own_of_held();
         let along = |point: usize| body.position(point)[body.sorted_axis()];
@@ -370,7 +367,6 @@ impl<'e> Pieces<'e> {
         let last = own.end + if body.spacing().is_some() { behind } else { 0 };
         let borrowed: Vec<u64> =
             (own.end..last).map(|point| (share.held.start + point) as u64).collect();
-        let folder = folder_of_all(engine, folder.map(OutputFolder::path));
         let (d, points) = (body.dimension(), own.start..last);
         let number = |point: usize| f64::from(body.user_index()[point]);
         let piece = Piece {

@@ -16,7 +16,7 @@ use piola_output::fracture::{FractureColumns, FractureRow, TrackColumns, TrackRo
 use crate::case::Case;
 use crate::moduli::rayleigh_speeds;
 use crate::scene::selection::{Selection, typical_spacing};
-use crate::scene::{Points, Track};
+use crate::scene::{Points, Scene, Track};
 pub(super) use lookout::{Damaged, Lookout, Seen};
 
 /// The part of a length by which rounding may make it longer.
@@ -218,17 +218,22 @@ impl<'a> Log<'a> {
 const NOWHERE: TrackRow =
     TrackRow { tip: f64::NAN, speed: 0.0, over_rayleigh: 0.0, released_per_area: f64::NAN };
 
-/// How far the body reaches along an axis, in m.
-fn extent(case: &Case, axis: usize) -> f64 {
-    let d = case.body.dimension();
-    match &case.scene.body.points {
+/// How far the body reaches along an axis, in m: a box as the scene says, others as their points do.
+pub(super) fn side(scene: &Scene, axis: usize, of_points: impl FnOnce() -> f64) -> f64 {
+    match &scene.body.points {
         Points::Lattice(shape) => shape.high[axis] - shape.low[axis],
-        Points::Cloud { .. } | Points::Mesh(_) => {
-            let along = || case.body.positions().iter().skip(axis).step_by(d).copied();
-            let edge = typical_spacing(d, case.body.volumes(), None);
-            edge + along().fold(f64::NEG_INFINITY, f64::max) - along().fold(f64::INFINITY, f64::min)
-        }
+        Points::Cloud { .. } | Points::Mesh(_) => of_points(),
     }
+}
+
+/// The same of a body that is whole.
+fn extent(case: &Case, axis: usize) -> f64 {
+    side(&case.scene, axis, || {
+        let d = case.body.dimension();
+        let along = || case.body.positions().iter().skip(axis).step_by(d).copied();
+        let edge = typical_spacing(d, case.body.volumes(), None);
+        edge + along().fold(f64::NEG_INFINITY, f64::max) - along().fold(f64::INFINITY, f64::min)
+    })
 }
 
 /// The two axes beside that of a track, with the extents of the body along them in m: first the longer one.

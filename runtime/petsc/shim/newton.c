@@ -1,13 +1,13 @@
 /* Newton's method, linear systems and their preconditioners: SNES, KSP and PC on one matrix. */
 #include "shim.h"
 
-#include <stdlib.h>
+#include <string.h>
 
 struct PiolaNewton {
   PetscInt  n, first, d; /* points of this rank, the first one's number, numbers a point */
   int64_t  *starts;
   PetscInt *columns;
-  PetscInt  widest; /* most blocks of a row */
+  double   *row; /* room for the widest row */
   Mat       tangent;
   Mat       parts[2]; /* of the tangent, borrowed: columns of own points, and of others; null where unknown */
   Vec       x, r;
@@ -54,23 +54,22 @@ static PetscErrorCode residual(SNES snes, Vec x, Vec r, void *context)
   PetscFunctionReturn(0);
 }
 
-/* Blocks come one after another, each row by row; PETSc wants all first rows of a row of blocks, then all
- * second ones. */
-static PetscErrorCode insert_slowly(PiolaNewton *newton, const double *blocks)
+/* Blocks of a row from the other side. */
+static inline int32_t fill(PiolaNewton *newton, PetscInt i, double *values)
 {
-  const PetscInt d = newton->d;
-  PetscScalar   *rows;
+  const size_t count = (size_t)(newton->starts[i + 1] - newton->starts[i]), size = (size_t)(newton->d * newton->d);
+  return newton->callbacks->row(newton->callbacks->problem, i, values, (int64_t)(count * size));
+}
+
+static PetscErrorCode insert_slowly(PiolaNewton *newton, int32_t *worst)
+{
   PetscFunctionBegin;
-  PetscCall(PetscMalloc1(d * d * newton->widest, &rows));
-  for (PetscInt i = 0; i < newton->n; i++) {
-    const int64_t  start = newton->starts[i];
-    const PetscInt count = (PetscInt)(newton->starts[i + 1] - start), row = newton->first + i;
-    for (PetscInt k = 0; k < count; k++)
-      for (PetscInt a = 0; a < d; a++)
-        for (PetscInt b = 0; b < d; b++) rows[(a * count + k) * d + b] = blocks[((start + k) * d + a) * d + b];
-    PetscCall(MatSetValuesBlocked(newton->tangent, 1, &row, count, newton->columns + start, rows, INSERT_VALUES));
+  for (PetscInt i = 0; i < newton->n && *worst == PIOLA_FINE; i++) {
+    const PetscInt *columns = newton->columns + newton->starts[i];
+    const PetscInt  count = (PetscInt)(newton->starts[i + 1] - newton->starts[i]), row = newton->first + i;
+    *worst = fill(newton, i, newton->row);
+    PetscCall(MatSetValuesBlocked(newton->tangent, 1, &row, count, columns, newton->row, INSERT_VALUES));
   }
-  PetscCall(PetscFree(rows));
   PetscFunctionReturn(0);
 }
 
@@ -117,26 +116,39 @@ static PetscErrorCode find_parts(PiolaNewton *newton)
   PetscFunctionReturn(0);
 }
 
-/* Columns ascend in the pattern and in both parts, and so do their blocks. */
-static PetscErrorCode insert_directly(PiolaNewton *newton, const double *blocks)
+/* Numbers of one row of blocks go to the two parts: those of own points are together in the middle of every
+ * line, for columns ascend. `values` are where the row begins in each part, and then where it ends. */
+static void split(PiolaNewton *newton, PetscInt i, PetscScalar *values[2])
 {
-  const PetscInt d = newton->d;
-  PetscScalar   *values[2] = {NULL, NULL};
+  const size_t d = (size_t)newton->d;
+  int64_t      begin = newton->starts[i], end = newton->starts[i + 1];
+  const size_t all = (size_t)(end - begin) * d;
+  while (!is_own(newton, begin)) begin++;
+  while (!is_own(newton, end - 1)) end--;
+  const size_t before = (size_t)(begin - newton->starts[i]) * d, own = (size_t)(end - begin) * d, after = all - before - own;
+  for (size_t a = 0; a < d; a++) {
+    const double *line = newton->row + a * all;
+    memcpy(values[0], line + before, own * sizeof *line);
+    values[0] += own;
+    if (before) memcpy(values[1], line, before * sizeof *line);
+    if (after) memcpy(values[1] + before, line + before + own, after * sizeof *line);
+    if (all > own) values[1] += all - own;
+  }
+}
+
+/* Lines of a row follow one another in the compressed rows as they come from the other side. */
+static PetscErrorCode insert_directly(PiolaNewton *newton, int32_t *worst)
+{
+  PetscScalar *values[2] = {NULL, NULL}, *at[2];
   PetscFunctionBegin;
-  for (int part = 0; part < 2; part++)
+  for (int part = 0; part < 2; part++) {
     if (newton->parts[part]) PetscCall(MatSeqAIJGetArray(newton->parts[part], &values[part]));
-  size_t at[2] = {0, 0};
-  for (PetscInt i = 0; i < newton->n; i++) {
-    size_t count[2] = {0, 0}, seen[2] = {0, 0};
-    for (int64_t k = newton->starts[i]; k < newton->starts[i + 1]; k++) count[!is_own(newton, k)] += (size_t)d;
-    for (int64_t k = newton->starts[i]; k < newton->starts[i + 1]; k++) {
-      const int part = !is_own(newton, k);
-      for (PetscInt a = 0; a < d; a++)
-        for (PetscInt b = 0; b < d; b++)
-          values[part][at[part] + (size_t)a * count[part] + seen[part] + (size_t)b] = blocks[(k * d + a) * d + b];
-      seen[part] += (size_t)d;
-    }
-    for (int part = 0; part < 2; part++) at[part] += count[part] * (size_t)d;
+    at[part] = values[part];
+  }
+  for (PetscInt i = 0; i < newton->n && *worst == PIOLA_FINE; i++) {
+    *worst = fill(newton, i, newton->parts[1] ? newton->row : at[0]);
+    if (newton->parts[1]) split(newton, i, at);
+    else at[0] += (newton->starts[i + 1] - newton->starts[i]) * newton->d * newton->d;
   }
   for (int part = 0; part < 2; part++)
     if (newton->parts[part]) PetscCall(MatSeqAIJRestoreArray(newton->parts[part], &values[part]));
@@ -144,35 +156,31 @@ static PetscErrorCode insert_directly(PiolaNewton *newton, const double *blocks)
 }
 
 /* The first time makes the rows, all others write into them. */
-static PetscErrorCode insert(PiolaNewton *newton, const double *blocks)
+static PetscErrorCode insert(PiolaNewton *newton)
 {
+  int32_t worst = PIOLA_FINE, all;
   PetscFunctionBegin;
-  if (newton->parts[0]) PetscCall(insert_directly(newton, blocks));
-  else PetscCall(insert_slowly(newton, blocks));
+  if (newton->parts[0]) PetscCall(insert_directly(newton, &worst));
+  else PetscCall(insert_slowly(newton, &worst));
+  PetscCall(hear(newton, worst, &all));
   PetscCall(MatAssemblyBegin(newton->tangent, MAT_FINAL_ASSEMBLY));
   PetscCall(MatAssemblyEnd(newton->tangent, MAT_FINAL_ASSEMBLY));
   if (!newton->parts[0]) PetscCall(find_parts(newton));
   PetscFunctionReturn(0);
 }
 
-/* The blocks live for as long as it takes to insert them: the matrix has them a second time. */
 static PetscErrorCode tangent(SNES snes, Vec x, Mat given, Mat preconditioned, void *context)
 {
   PiolaNewton       *newton = context;
   const PetscScalar *u;
   int32_t            all;
   PetscFunctionBegin;
-  const size_t numbers = (size_t)newton->starts[newton->n] * (size_t)(newton->d * newton->d);
-  double      *blocks  = calloc(numbers ? numbers : 1, sizeof *blocks);
-  if (!blocks) piola_note("no memory for the blocks of a tangent");
   PetscCall(VecGetArrayRead(x, &u));
-  int32_t own = blocks ? newton->callbacks->tangent(newton->callbacks->problem, u, blocks) : PIOLA_FAILED;
+  int32_t own = newton->callbacks->tangent(newton->callbacks->problem, u);
   PetscCall(VecRestoreArrayRead(x, &u));
-  PetscErrorCode code = hear(newton, own, &all);
-  if (code == 0 && all == PIOLA_OUTSIDE) code = SNESSetJacobianDomainError(snes);
-  if (code == 0) code = insert(newton, blocks);
-  free(blocks);
-  PetscCall(code);
+  PetscCall(hear(newton, own, &all));
+  if (all == PIOLA_OUTSIDE) PetscCall(SNESSetJacobianDomainError(snes));
+  PetscCall(insert(newton));
   /* Without a matrix (-snes_mf_operator) the first one is a product that PETSc assembles. */
   if (given != preconditioned) {
     PetscCall(MatAssemblyBegin(given, MAT_FINAL_ASSEMBLY));
@@ -208,7 +216,7 @@ static PetscErrorCode converged(SNES snes, PetscInt iteration, PetscReal x, Pets
 static PetscErrorCode make_matrix(PiolaNewton *newton, int64_t all, const int64_t *columns)
 {
   const PetscInt n = newton->n, d = newton->d;
-  PetscInt       rows, all_rows, entries, *own, *others;
+  PetscInt       rows, all_rows, entries, *own, *others, widest = 0;
   PetscFunctionBegin;
   PetscCall(piola_narrow((int64_t)n * d, "unknowns of a rank", &rows));
   PetscCall(piola_narrow(all * d, "unknowns", &all_rows));
@@ -222,8 +230,9 @@ static PetscErrorCode make_matrix(PiolaNewton *newton, int64_t all, const int64_
       if (place >= 0 && place < n) own[i]++;
       else others[i]++;
     }
-    newton->widest = PetscMax(newton->widest, own[i] + others[i]);
+    widest = PetscMax(widest, own[i] + others[i]);
   }
+  PetscCall(PetscCalloc1(d * d * widest, &newton->row));
   PetscCall(MatCreate(PETSC_COMM_WORLD, &newton->tangent));
   PetscCall(MatSetSizes(newton->tangent, rows, rows, all_rows, all_rows));
   PetscCall(MatSetBlockSize(newton->tangent, d));
@@ -368,14 +377,19 @@ static const char *linear_reason(KSP ksp)
   return KSPGetConvergedReason(ksp, &reason) ? NULL : KSPConvergedReasons[reason];
 }
 
+static void begin(PiolaNewton *newton, const PiolaCallbacks *callbacks)
+{
+  newton->callbacks = callbacks;
+  newton->failed = newton->outside = PETSC_FALSE;
+  newton->norm                     = PETSC_INFINITY;
+}
+
 int piola_newton_solve(PiolaNewton *newton, const PiolaCallbacks *callbacks, double *u, PiolaOutcome *outcome)
 {
   SNESConvergedReason reason;
   PetscInt            iterations, linear_iterations;
   PetscFunctionBegin;
-  newton->callbacks = callbacks;
-  newton->failed = newton->outside = PETSC_FALSE;
-  newton->norm                     = PETSC_INFINITY;
+  begin(newton, callbacks);
   PetscCall(copy_in(newton, newton->x, u));
   PetscErrorCode code = SNESSolve(newton->snes, NULL, newton->x);
   newton->callbacks   = NULL;
@@ -411,13 +425,18 @@ static PetscErrorCode solve_linear(PiolaNewton *newton)
   PetscFunctionReturn(0);
 }
 
-int piola_newton_solve_linear(PiolaNewton *newton, const double *blocks, const double *right, double *x, PiolaOutcome *outcome)
+int piola_newton_solve_linear(PiolaNewton *newton, const PiolaCallbacks *callbacks, const double *right, double *x,
+                              PiolaOutcome *outcome)
 {
   KSPConvergedReason reason;
   PetscInt           iterations;
   PetscReal          norm;
   PetscFunctionBegin;
-  PetscCall(insert(newton, blocks));
+  begin(newton, callbacks);
+  PetscErrorCode code = insert(newton);
+  newton->callbacks   = NULL;
+  if (newton->failed) PetscFunctionReturn(PIOLA_CALLBACK_FAILED);
+  PetscCall(code);
   PetscCall(copy_in(newton, newton->r, right));
   PetscCall(solve_linear(newton));
   PetscCall(copy_out(newton, newton->x, x));
@@ -438,5 +457,6 @@ void piola_newton_free(PiolaNewton *newton)
   (void)VecDestroy(&newton->r);
   (void)PetscFree(newton->starts);
   (void)PetscFree(newton->columns);
+  (void)PetscFree(newton->row);
   (void)PetscFree(newton);
 }

@@ -28,7 +28,9 @@ typedef struct PiolaNewton PiolaNewton;
 typedef struct {
   void *problem;
   int32_t (*residual)(void *problem, const double *u, double *r);
-  int32_t (*tangent)(void *problem, const double *u, double *blocks);
+  int32_t (*tangent)(void *problem, const double *u);
+  /* Blocks of one row of the last tangent, `n` numbers in `d` lines of the matrix. */
+  int32_t (*row)(void *problem, int64_t row, double *values, int64_t n);
   int32_t (*is_converged)(void *problem, int64_t iteration, double norm);
 } PiolaCallbacks;
 
@@ -66,7 +68,7 @@ void piola_halo_free(PiolaHalo *halo);
 int  piola_newton_new(int64_t own, int64_t first, int64_t all, int32_t d, const int64_t *starts, const int64_t *columns,
                       int32_t n_modes, const double *const *modes, PiolaNewton **made);
 int  piola_newton_solve(PiolaNewton *newton, const PiolaCallbacks *callbacks, double *u, PiolaOutcome *outcome);
-int  piola_newton_solve_linear(PiolaNewton *newton, const double *blocks, const double *right, double *x,
+int  piola_newton_solve_linear(PiolaNewton *newton, const PiolaCallbacks *callbacks, const double *right, double *x,
                                PiolaOutcome *outcome);
 void piola_newton_free(PiolaNewton *newton);
 

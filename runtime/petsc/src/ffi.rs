@@ -21,7 +21,8 @@ const CALLBACK_FAILED: i32 = -1;
 struct Callbacks {
     problem: *mut c_void,
     residual: extern "C" fn(*mut c_void, *const f64, *mut f64) -> i32,
-    tangent: extern "C" fn(*mut c_void, *const f64, *mut f64) -> i32,
+    tangent: extern "C" fn(*mut c_void, *const f64) -> i32,
+    row: extern "C" fn(*mut c_void, i64, *mut f64, i64) -> i32,
     is_converged: extern "C" fn(*mut c_void, i64, f64) -> i32,
 }
 
@@ -103,7 +104,7 @@ unsafe extern "C" {
     ) -> i32;
     fn piola_newton_solve_linear(
         newton: *mut c_void,
-        blocks: *const f64,
+        callbacks: *const Callbacks,
         right: *const f64,
         x: *mut f64,
         outcome: *mut RawOutcome,
@@ -289,15 +290,29 @@ pub(crate) struct Rows<'a> {
 pub(crate) struct RawNewton {
     handle: NonNull<c_void>,
     unknowns: usize,
-    entries: usize,
 }
+
+/// How a solve ended. The inner error is what a callback of this or another rank ended with: none is another's.
+pub(crate) type Solved<T> = Result<Result<T, Option<String>>, EngineError>;
 
 /// What callbacks see of Rust.
 struct Seen<'a> {
     problem: &'a mut dyn Problem,
     unknowns: usize,
-    entries: usize,
     failure: Option<String>,
+}
+
+impl Seen<'_> {
+    /// Callbacks for the time that this is borrowed.
+    fn callbacks(&mut self) -> Callbacks {
+        Callbacks {
+            problem: (&raw mut *self).cast(),
+            residual: on_residual,
+            tangent: on_tangent,
+            row: on_row,
+            is_converged: on_converged,
+        }
+    }
 }
 
 impl RawNewton {
@@ -328,52 +343,39 @@ impl RawNewton {
             )
         })?;
         let handle = NonNull::new(made).ok_or_else(|| EngineError::new("PETSc made no solver"))?;
-        Ok(RawNewton { handle, unknowns, entries: rows.columns.len() * rows.d * rows.d })
+        Ok(RawNewton { handle, unknowns })
     }
 
-    /// The inner error is what a callback of this or another rank ended with: none is another's.
-    pub(crate) fn solve(
-        &mut self,
-        problem: &mut dyn Problem,
-        u: &mut [f64],
-    ) -> Result<Result<Ended, Option<String>>, EngineError> {
+    pub(crate) fn solve(&mut self, problem: &mut dyn Problem, u: &mut [f64]) -> Solved<Ended> {
         assert_eq!(u.len(), self.unknowns, "numbers of owned points");
-        let (unknowns, entries) = (self.unknowns, self.entries);
-        let mut seen = Seen { problem, unknowns, entries, failure: None };
-        let callbacks = Callbacks {
-            problem: (&raw mut seen).cast(),
-            residual: on_residual,
-            tangent: on_tangent,
-            is_converged: on_converged,
-        };
+        let mut seen = Seen { problem, unknowns: self.unknowns, failure: None };
+        let callbacks = seen.callbacks();
         let mut raw = RawOutcome::EMPTY;
         // SAFETY: the handle lives, `u` is as long as checked, and the callbacks are used for the time
         // of the call only, in which nothing else touches `seen`.
         let code = unsafe {
             piola_newton_solve(self.handle.as_ptr(), &callbacks, u.as_mut_ptr(), &mut raw)
         };
-        if code == CALLBACK_FAILED {
-            return Ok(Err(seen.failure));
-        }
-        check(code)?;
-        Ok(Ok(ended(&raw)))
+        concluded(code, &raw, seen.failure)
     }
 
     pub(crate) fn solve_linear(
         &mut self,
-        blocks: &[f64],
+        problem: &mut dyn Problem,
         right: &[f64],
         x: &mut [f64],
-    ) -> Result<Ended, EngineError> {
-        assert_eq!(blocks.len(), self.entries, "numbers of the blocks of the pattern");
+    ) -> Solved<Ended> {
         assert!(right.len() == self.unknowns && x.len() == self.unknowns, "a number an unknown");
+        let mut seen = Seen { problem, unknowns: self.unknowns, failure: None };
+        let callbacks = seen.callbacks();
         let mut raw = RawOutcome::EMPTY;
-        // SAFETY: the handle lives, and the three arrays are as long as checked.
-        check(unsafe {
-            let (blocks, right) = (blocks.as_ptr(), right.as_ptr());
-            piola_newton_solve_linear(self.handle.as_ptr(), blocks, right, x.as_mut_ptr(), &mut raw)
-        })?;
-        Ok(ended(&raw))
+        // SAFETY: the handle lives, the two arrays are as long as checked, and the callbacks are used for
+        // the time of the call only, in which nothing else touches `seen`.
+        let code = unsafe {
+            let (right, x) = (right.as_ptr(), x.as_mut_ptr());
+            piola_newton_solve_linear(self.handle.as_ptr(), &callbacks, right, x, &mut raw)
+        };
+        concluded(code, &raw, seen.failure)
     }
 }
 
@@ -382,6 +384,14 @@ impl Drop for RawNewton {
         // SAFETY: the handle lives, and nobody has it after this.
         unsafe { piola_newton_free(self.handle.as_ptr()) }
     }
+}
+
+fn concluded(code: i32, raw: &RawOutcome, failure: Option<String>) -> Solved<Ended> {
+    if code == CALLBACK_FAILED {
+        return Ok(Err(failure));
+    }
+    check(code)?;
+    Ok(Ok(ended(raw)))
 }
 
 fn ended(raw: &RawOutcome) -> Ended {
@@ -450,7 +460,7 @@ unsafe fn numbers_mut<'a>(start: *mut f64, n: usize) -> &'a mut [f64] {
     unsafe { std::slice::from_raw_parts_mut(start, n) }
 }
 
-/// What [`RawNewton::solve`] gave to the shim.
+/// What [`RawNewton`] gave to the shim.
 ///
 /// # Safety
 /// `problem` is its pointer to a [`Seen`], for the time of the call.
@@ -467,12 +477,24 @@ extern "C" fn on_residual(problem: *mut c_void, u: *const f64, r: *mut f64) -> i
     guarded(seen, |seen| code(seen.problem.residual(u, r)))
 }
 
-extern "C" fn on_tangent(problem: *mut c_void, u: *const f64, blocks: *mut f64) -> i32 {
+extern "C" fn on_tangent(problem: *mut c_void, u: *const f64) -> i32 {
     // SAFETY: the shim calls with what `solve` gave it.
     let seen = unsafe { seen(problem) };
-    // SAFETY: PETSc's array has a number for each unknown, the shim's all blocks of the pattern.
-    let (u, blocks) = unsafe { (numbers(u, seen.unknowns), numbers_mut(blocks, seen.entries)) };
-    guarded(seen, |seen| code(seen.problem.tangent(u, blocks)))
+    // SAFETY: PETSc's array has a number for each unknown.
+    let u = unsafe { numbers(u, seen.unknowns) };
+    guarded(seen, |seen| code(seen.problem.tangent(u)))
+}
+
+extern "C" fn on_row(problem: *mut c_void, row: i64, values: *mut f64, n: i64) -> i32 {
+    // SAFETY: the shim calls with what `solve` or `solve_linear` gave it.
+    let seen = unsafe { seen(problem) };
+    // SAFETY: the array is of the matrix or of the shim, has room for a row of `n` numbers, and all of it was
+    // written before.
+    let values = unsafe { numbers_mut(values, n as usize) };
+    guarded(seen, |seen| {
+        seen.problem.row(row as usize, values);
+        Ok(FINE)
+    })
 }
 
 extern "C" fn on_converged(problem: *mut c_void, iteration: i64, norm: f64) -> i32 {

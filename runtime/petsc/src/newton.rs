@@ -2,7 +2,7 @@
 
 use crate::engine::Engine;
 use crate::error::EngineError;
-use crate::ffi::{Ended, RawNewton, Rows};
+use crate::ffi::{Ended, RawNewton, Rows, Solved};
 use crate::rows::BlockRows;
 
 /// Why a callback of a [`Problem`] has no result.
@@ -34,12 +34,15 @@ pub trait Problem {
     /// Why there is none.
     fn residual(&mut self, u: &[f64], r: &mut [f64]) -> Result<(), Refusal>;
 
-    /// Computes the derivative of the residual at `u` as blocks of the pattern ([`BlockRows`]), which are
-    /// zero before.
+    /// Computes the derivative of the residual at `u`, for [`row`](Problem::row).
     ///
     /// # Errors
     /// Why there is none.
-    fn tangent(&mut self, u: &[f64], blocks: &mut [f64]) -> Result<(), Refusal>;
+    fn tangent(&mut self, u: &[f64]) -> Result<(), Refusal>;
+
+    /// Writes all blocks of one row of the last tangent ([`BlockRows`]), the row of the owned point with this number
+    /// among the owned ones. What was in `values` is anything. Row by row, so that no rank has the blocks twice.
+    fn row(&mut self, row: usize, values: &mut [f64]);
 
     /// Whether the displacements of the last call of [`residual`](Problem::residual) that was no trial of a
     /// line search solve the problem, with the 2-norm of the residual over all ranks. Called before the first
@@ -148,33 +151,27 @@ impl<'e> Newton<'e> {
         u: &mut [f64],
     ) -> Result<Outcome, EngineError> {
         self.is_whole()?;
-        let result = self.raw.solve(problem, u).and_then(|solved| {
-            solved.map_err(|own| {
-                let failed = self.engine.agree(own.map_or(Ok(()), Err));
-                let unknown = || EngineError::new("a callback failed");
-                failed.err().map_or_else(unknown, EngineError::from)
-            })
-        });
-        self.keep(result).map(outcome)
+        let result = self.raw.solve(problem, u);
+        self.heard(result).map(outcome)
     }
 
-    /// Solves one linear system: `blocks` of the pattern times `x` is `right`, both of owned points. `x` need
-    /// not be set before. Collective.
+    /// Solves one linear system: the tangent that the problem computed last, by its [`row`](Problem::row)s, times `x`
+    /// is `right`, both of owned points. `x` need not be set before. Collective.
     ///
     /// # Errors
-    /// What PETSc reports. The solver is of no more use then.
+    /// As [`solve`](Newton::solve).
     ///
     /// # Panics
     /// If an array is not of the length that the pattern says: a mistake of the caller, not of a user.
     pub fn solve_linear(
         &mut self,
-        blocks: &[f64],
+        problem: &mut dyn Problem,
         right: &[f64],
         x: &mut [f64],
     ) -> Result<LinearOutcome, EngineError> {
         self.is_whole()?;
-        let result = self.raw.solve_linear(blocks, right, x);
-        let Ended { converged, linear_iterations, reason, .. } = self.keep(result)?;
+        let result = self.raw.solve_linear(problem, right, x);
+        let Ended { converged, linear_iterations, reason, .. } = self.heard(result)?;
         Ok(LinearOutcome { converged, reason, iterations: linear_iterations })
     }
 
@@ -182,7 +179,15 @@ impl<'e> Newton<'e> {
         self.broken.clone().map_or(Ok(()), Err)
     }
 
-    fn keep<T>(&mut self, result: Result<T, EngineError>) -> Result<T, EngineError> {
+    /// What a solve came to; where a callback failed, with the words of the rank whose it was. Collective.
+    fn heard<T>(&mut self, result: Solved<T>) -> Result<T, EngineError> {
+        let result = result.and_then(|solved| {
+            solved.map_err(|own| {
+                let failed = self.engine.agree(own.map_or(Ok(()), Err));
+                let unknown = || EngineError::new("a callback failed");
+                failed.err().map_or_else(unknown, EngineError::from)
+            })
+        });
         self.broken = result.as_ref().err().cloned();
         result
     }

@@ -5,8 +5,9 @@ use crate::halo::check_ranges;
 
 /// Which blocks of a tangent are there: the rows of the points that a rank owns, in their order.
 ///
-/// A block is `d x d`, stands row by row, and blocks follow one another as their columns do here: the number
-/// in row `a` and column `b` of block `k` is `blocks[(k * d + a) * d + b]`.
+/// A row of `n` blocks, `d x d` each, is `d` lines of the matrix, one behind the other, in which blocks follow one
+/// another as their columns do here: the number in line `a` and column `b` of block `k` is
+/// `values[(a * n + k) * d + b]`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct BlockRows {
     /// Where the blocks of each row begin in `columns`, and at the end how many there are: a number for each

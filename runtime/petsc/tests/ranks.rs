@@ -338,6 +338,7 @@ fn a_failure_of_one_rank_ends_the_solve_on_all() {
     }
     for (case, words) in [
         ("late", "panic: a mistake behind the exchange"),
+        ("row", "panic: a mistake in a row"),
         ("refuses", "the material has no tangent"),
     ] {
         let run = run(3, &format!("{case} 6 2 0.8 4")).fails_with(words);

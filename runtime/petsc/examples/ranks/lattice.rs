@@ -18,6 +18,8 @@ pub(crate) enum Fault {
     Early,
     /// A refusal in words.
     Refused,
+    /// A panic in the middle of its rows.
+    Row,
 }
 
 struct Shared<'e> {
@@ -27,6 +29,7 @@ struct Shared<'e> {
     local: Vec<f64>,
     fault: Fault,
     tangents: usize,
+    blocks: Vec<f64>,
     seconds: f64,
 }
 
@@ -51,7 +54,9 @@ impl<'e> Shared<'e> {
         let newton = Newton::new(engine, &ranges, &pattern, D, &springs.rigid_motions())
             .map_err(|error| error.to_string())?;
         let local = vec![0.0; (springs.own.len() + springs.ghosts.len()) * D];
-        let shared = Shared { engine, springs, halo, local, fault, tangents: 0, seconds: 0.0 };
+        let blocks = Vec::new();
+        let (tangents, seconds) = (0, 0.0);
+        let shared = Shared { engine, springs, halo, local, fault, tangents, blocks, seconds };
         Ok((shared, newton))
     }
 
@@ -76,7 +81,7 @@ impl Problem for Shared<'_> {
         Ok(())
     }
 
-    fn tangent(&mut self, u: &[f64], blocks: &mut [f64]) -> Result<(), Refusal> {
+    fn tangent(&mut self, u: &[f64]) -> Result<(), Refusal> {
         let since = Instant::now();
         self.tangents += 1;
         assert!(!self.is_faulty(Fault::Early), "a mistake before the exchange");
@@ -85,9 +90,16 @@ impl Problem for Shared<'_> {
         if self.is_faulty(Fault::Refused) {
             return Err(Refusal::Failed("the material has no tangent".to_string()));
         }
-        self.springs.tangent(&self.local, blocks);
+        self.blocks.clear();
+        self.blocks.resize(self.springs.columns.len() * D * D, 0.0);
+        self.springs.tangent(&self.local, &mut self.blocks);
         self.seconds += since.elapsed().as_secs_f64();
         Ok(())
+    }
+
+    fn row(&mut self, row: usize, values: &mut [f64]) {
+        self.springs.row(&self.blocks, row, values);
+        assert!(!self.is_faulty(Fault::Row) || row == 0, "a mistake in a row");
     }
 
     fn is_converged(&mut self, _: usize, norm: f64) -> bool {
@@ -130,14 +142,13 @@ pub(crate) fn linear(engine: &Engine, numbers: &[f64]) -> Result<String, String>
     let (mut problem, mut newton) = Shared::new(engine, numbers, Fault::None)?;
     let n = problem.springs.own.len() * D;
     let (u, mut right, mut x) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
-    let mut blocks = vec![0.0; problem.springs.columns.len() * D * D];
     problem.residual(&u, &mut right).map_err(|refusal| format!("{refusal:?}"))?;
-    problem.tangent(&u, &mut blocks).map_err(|refusal| format!("{refusal:?}"))?;
+    problem.tangent(&u).map_err(|refusal| format!("{refusal:?}"))?;
     let mut lines = String::new();
     // A second time: the first one left nothing behind.
     for _ in 0..2 {
         let outcome =
-            newton.solve_linear(&blocks, &right, &mut x).map_err(|error| error.to_string())?;
+            newton.solve_linear(&mut problem, &right, &mut x).map_err(|error| error.to_string())?;
         writeln!(lines, "converged {}\nreason {}", outcome.converged, outcome.reason).unwrap();
         writeln!(lines, "linear {}", outcome.iterations).unwrap();
     }
@@ -149,7 +160,8 @@ pub(crate) fn linear(engine: &Engine, numbers: &[f64]) -> Result<String, String>
             let mut product = 0.0;
             for k in problem.springs.starts[i]..problem.springs.starts[i + 1] {
                 for b in 0..D {
-                    product += blocks[(k * D + a) * D + b] * problem.local[places[k] * D + b];
+                    product +=
+                        problem.blocks[(k * D + a) * D + b] * problem.local[places[k] * D + b];
                 }
             }
             let off = product - right[i * D + a];

@@ -42,6 +42,7 @@ fn main() -> ExitCode {
         "lattice" => lattice::solve(&engine, &numbers, lattice::Fault::None),
         "late" => lattice::solve(&engine, &numbers, lattice::Fault::Late),
         "early" => lattice::solve(&engine, &numbers, lattice::Fault::Early),
+        "row" => lattice::solve(&engine, &numbers, lattice::Fault::Row),
         "refuses" => lattice::solve(&engine, &numbers, lattice::Fault::Refused),
         "linear" => lattice::linear(&engine, &numbers),
         _ => Err(format!("no case {case:?}")),

@@ -132,6 +132,8 @@ struct Logarithms {
     outside: f64,
     /// Whether this rank has no tangent.
     stuck: bool,
+    /// The tangent, a number a point.
+    slopes: Vec<f64>,
 }
 
 impl Problem for Logarithms {
@@ -146,14 +148,13 @@ impl Problem for Logarithms {
         Ok(())
     }
 
-    fn tangent(&mut self, u: &[f64], blocks: &mut [f64]) -> Result<(), Refusal> {
-        if self.stuck {
-            return Err(Refusal::Outside);
-        }
-        for (block, u) in blocks.iter_mut().zip(u) {
-            *block = 1.0 / u;
-        }
-        Ok(())
+    fn tangent(&mut self, u: &[f64]) -> Result<(), Refusal> {
+        self.slopes = u.iter().map(|u| 1.0 / u).collect();
+        if self.stuck { Err(Refusal::Outside) } else { Ok(()) }
+    }
+
+    fn row(&mut self, row: usize, values: &mut [f64]) {
+        values[0] = self.slopes[row];
     }
 
     fn is_converged(&mut self, _: usize, norm: f64) -> bool {
@@ -169,7 +170,7 @@ pub(crate) fn logarithms(engine: &Engine) -> Result<String, String> {
     let pattern = BlockRows { starts: (0..=n).collect(), columns: own.clone().collect() };
     let mut newton =
         Newton::new(engine, &bounds, &pattern, 1, &[]).map_err(|error| error.to_string())?;
-    let mut problem = Logarithms { outside: 0.0, stuck: false };
+    let mut problem = Logarithms { outside: 0.0, stuck: false, slopes: Vec::new() };
     let mut u: Vec<f64> = own.clone().map(|i| if i == 7 { 5.0 } else { 1.5 }).collect();
     let outcome = newton.solve(&mut problem, &mut u).map_err(|error| error.to_string())?;
     let mut lines = format!("converged {}\n", outcome.converged);

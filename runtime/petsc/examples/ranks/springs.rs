@@ -133,6 +133,18 @@ impl Springs {
         }
     }
 
+    /// A row of the blocks that [`tangent`](Springs::tangent) gives, as PETSc's side asks for it.
+    #[allow(dead_code)] // The serial solution has no use for it.
+    pub(crate) fn row(&self, blocks: &[f64], row: usize, values: &mut [f64]) {
+        let range = self.starts[row]..self.starts[row + 1];
+        let n = range.len();
+        for (k, block) in blocks[range.start * D * D..range.end * D * D].chunks(D * D).enumerate() {
+            for (at, x) in block.iter().enumerate() {
+                values[(at / D * n + k) * D + at % D] = *x;
+            }
+        }
+    }
+
     /// Three translations and three rotations, at owned points.
     #[allow(dead_code)] // The serial solution has no use for them.
     pub(crate) fn rigid_motions(&self) -> Vec<Vec<f64>> {

@@ -5,99 +5,95 @@ use std::ops::Range;
 use piola_mechanics::matrix::{BlockMatrix, BlockPattern};
 use piola_petsc::BlockRows;
 
-/// Whole rows of the tangent, and where their blocks stand in a matrix that keeps those on and above the diagonal.
+/// Whole rows of the tangent. Of a row the blocks on and above the diagonal follow one another in the symmetric
+/// matrix; those below it stand in earlier rows, the other way round.
 pub(super) struct OwnRows {
     pub(super) pattern: BlockRows,
-    /// Of each block of the pattern.
-    sources: Vec<Source>,
-    d: usize,
-}
-
-/// Where a block comes from: its number, the point of its column among those held, and whether it is transposed.
-#[derive(Clone, Copy)]
-struct Source {
-    block: usize,
-    column: u32,
-    transposed: bool,
+    /// Of each own row the blocks below the diagonal, by their number in the symmetric matrix.
+    below: Vec<usize>,
+    /// Where those of each row begin, and one more.
+    below_start: Vec<usize>,
+    own: Range<usize>,
+    /// The first point that is held, by its number in the body.
+    first: usize,
 }
 
 impl OwnRows {
     /// The rows of points `own` among those held, of which `first` is the first by its number in the body.
     pub(super) fn new(symmetric: &BlockPattern, own: Range<usize>, first: usize) -> OwnRows {
-        let is_own = |point: usize| own.contains(&point);
-        let mut rows: Vec<Vec<Source>> = own.clone().map(|_| Vec::new()).collect();
-        // Rows in their order: what stands above the diagonal comes behind what is transposed from earlier rows.
-        for row in 0..symmetric.n_rows() {
-            for (block, &column) in (symmetric.row_start[row]..).zip(symmetric.row(row)) {
-                if is_own(row) {
-                    rows[row - own.start].push(Source { block, column, transposed: false });
-                }
-                if column as usize != row && is_own(column as usize) {
-                    let source = Source { block, column: row as u32, transposed: true };
-                    rows[column as usize - own.start].push(source);
+        let mut rows = vec![Vec::new(); own.len()];
+        for row in 0..own.end {
+            // A diagonal block is the first of its row.
+            for block in symmetric.row_start[row] + 1..symmetric.row_start[row + 1] {
+                let column = symmetric.columns[block] as usize;
+                if own.contains(&column) {
+                    rows[column - own.start].push((row, block));
                 }
             }
         }
-        let mut starts = vec![0];
-        starts.extend(rows.iter().scan(0, |end, row| {
-            *end += row.len();
-            Some(*end)
-        }));
-        let sources = rows.concat();
-        let columns =
-            sources.iter().map(|source| (first + source.column as usize) as u64).collect();
-        OwnRows { pattern: BlockRows { starts, columns }, sources, d: symmetric.dimension }
+        let (mut starts, mut below_start) = (vec![0], vec![0]);
+        let (mut columns, mut below) = (Vec::new(), Vec::new());
+        for (row, lower) in own.clone().zip(rows) {
+            below.extend(lower.iter().map(|(_, block)| block));
+            let upper = symmetric.row(row).iter().map(|&column| column as usize);
+            let held = lower.into_iter().map(|(column, _)| column).chain(upper);
+            columns.extend(held.map(|column| (first + column) as u64));
+            starts.push(columns.len());
+            below_start.push(below.len());
+        }
+        OwnRows { pattern: BlockRows { starts, columns }, below, below_start, own, first }
     }
 
-    /// Fills in the blocks, `d x d` each, row by row.
-    pub(super) fn take(&self, matrix: &BlockMatrix, blocks: &mut [f64]) {
-        let d = self.d;
-        for (source, out) in self.sources.iter().zip(blocks.chunks_exact_mut(d * d)) {
-            let block = &matrix.values[source.block * d * d..(source.block + 1) * d * d];
-            for (place, x) in out.iter_mut().enumerate() {
-                let (a, b) = (place / d, place % d);
-                *x = if source.transposed { block[b * d + a] } else { block[place] };
-            }
+    /// Writes an own row, as [`BlockRows`] has it, without the columns of prescribed degrees of freedom and without
+    /// all of their rows but the diagonal, which is as large as it is in the body, so that the matrix is no worse for
+    /// it. `is_fixed` is of all that are held.
+    pub(super) fn write(
+        &self,
+        row: usize,
+        matrix: &BlockMatrix,
+        is_fixed: &[bool],
+        values: &mut [f64],
+    ) {
+        match matrix.pattern.dimension {
+            2 => self.write_of::<2>(row, matrix, is_fixed, values),
+            _ => self.write_of::<3>(row, matrix, is_fixed, values),
         }
     }
 
-    /// `product` becomes the rows times `p`, which has `d` numbers for each point that is held.
-    pub(super) fn multiply(&self, blocks: &[f64], p: &[f64], product: &mut [f64]) {
-        let d = self.d;
-        for (range, out) in self.pattern.starts.windows(2).zip(product.chunks_exact_mut(d)) {
-            out.fill(0.0);
-            for k in range[0]..range[1] {
-                let column = self.sources[k].column as usize;
-                for a in 0..d {
-                    for b in 0..d {
-                        out[a] += blocks[(k * d + a) * d + b] * p[column * d + b];
-                    }
+    fn write_of<const D: usize>(
+        &self,
+        row: usize,
+        matrix: &BlockMatrix,
+        is_fixed: &[bool],
+        values: &mut [f64],
+    ) {
+        let pattern = &matrix.pattern;
+        let is_fixed = is_fixed.as_chunks::<D>().0;
+        let blocks = matrix.values.as_chunks::<D>().0.as_chunks::<D>().0;
+        let held = self.own.start + row;
+        let below = &self.below[self.below_start[row]..self.below_start[row + 1]];
+        let above = pattern.row_start[held]..pattern.row_start[held + 1];
+        let mut lines = values.chunks_exact_mut((below.len() + above.len()) * D);
+        let lines: [&mut [[f64; D]]; D] = std::array::from_fn(|_| {
+            lines.next().map_or(&mut [][..], |line| line.as_chunks_mut().0)
+        });
+        let columns = self.pattern.columns[self.pattern.starts[row]..].iter();
+        let columns = columns.map(|column| *column as usize - self.first);
+        let others =
+            below.iter().map(|block| (*block, true)).chain(above.map(|block| (block, false)));
+        for (k, ((block, transposed), column)) in others.zip(columns).enumerate() {
+            let (block, fixed) = (&blocks[block], &is_fixed[column]);
+            for a in 0..D {
+                for b in 0..D {
+                    let x = if transposed { block[b][a] } else { block[a][b] };
+                    lines[a][k][b] = if fixed[b] { 0.0 } else { x };
                 }
             }
         }
-    }
-
-    /// Takes rows and columns of prescribed degrees of freedom out: what is left of them is their diagonal. `is_fixed`
-    /// is of all that are held, of which rows are those from `first_own` on.
-    pub(super) fn hold(&self, blocks: &mut [f64], is_fixed: &[bool], first_own: usize) {
-        let d = self.d;
-        for (row, range) in self.pattern.starts.windows(2).enumerate() {
-            let row = first_own + row;
-            for k in range[0]..range[1] {
-                let column = self.sources[k].column as usize;
-                for a in 0..d {
-                    for b in 0..d {
-                        let (r, c) = (row * d + a, column * d + b);
-                        let x = &mut blocks[(k * d + a) * d + b];
-                        if r == c && is_fixed[r] {
-                            // As large as it is in the body, so that the matrix is no worse for it.
-                            *x = if *x == 0.0 { 1.0 } else { x.abs() };
-                        } else if is_fixed[r] || is_fixed[c] {
-                            *x = 0.0;
-                        }
-                    }
-                }
-            }
+        for a in (0..D).filter(|a| is_fixed[held][*a]) {
+            let diagonal = blocks[pattern.row_start[held]][a][a].abs();
+            lines[a].fill([0.0; D]);
+            lines[a][below.len()][a] = if diagonal == 0.0 { 1.0 } else { diagonal };
         }
     }
 }

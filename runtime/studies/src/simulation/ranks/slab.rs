@@ -213,17 +213,15 @@ impl<'a> Slab<'a> {
         }
         let jump: Vec<f64> =
             self.prescribed.iter().zip(before).map(|(now, then)| now - then).collect();
-        let mut blocks = vec![0.0; self.rows.pattern.blocks() * self.d * self.d];
-        self.rows.take(&self.tangent, &mut blocks);
-        let mut right = vec![0.0; u.len()];
-        self.rows.multiply(&blocks, &jump, &mut right);
-        for (k, dof) in self.own().enumerate() {
-            let free = self.loads[k] - self.forces[dof] - right[k];
-            right[k] = if self.is_fixed[dof] { 0.0 } else { free };
-        }
-        self.rows.hold(&mut blocks, &self.is_fixed, self.first_own / self.d);
+        let pushed = self.tangent.multiply(&jump);
+        let right: Vec<f64> = (self.loads.iter().zip(self.own()))
+            .map(|(load, dof)| match self.is_fixed[dof] {
+                true => 0.0,
+                false => load - self.forces[dof] - pushed[dof],
+            })
+            .collect();
         let mut way = vec![0.0; u.len()];
-        let solved = newton.solve_linear(&blocks, &right, &mut way)?;
+        let solved = newton.solve_linear(self, &right, &mut way)?;
         Ok(solved.converged.then_some((way, solved.iterations)))
     }
 
@@ -257,11 +255,12 @@ impl Problem for Slab<'_> {
         Ok(())
     }
 
-    fn tangent(&mut self, u: &[f64], blocks: &mut [f64]) -> Result<(), Refusal> {
-        self.evaluate(u, true)?;
-        self.rows.take(&self.tangent, blocks);
-        self.rows.hold(blocks, &self.is_fixed, self.first_own / self.d);
-        Ok(())
+    fn tangent(&mut self, u: &[f64]) -> Result<(), Refusal> {
+        self.evaluate(u, true)
+    }
+
+    fn row(&mut self, row: usize, values: &mut [f64]) {
+        self.rows.write(row, &self.tangent, &self.is_fixed, values);
     }
 
     fn is_converged(&mut self, iteration: usize, norm: f64) -> bool {

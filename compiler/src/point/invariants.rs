@@ -4,7 +4,9 @@
 //! of `F` is the same. Before: an energy as a graph of components, with all digits of its numbers. After:
 //! the same where every sum that is one of [`INVARIANTS`] stands as that. What a sum is follows from its
 //! values, not from its shape: rational functions of the components that agree at a few random places
-//! modulo a large prime are one. Nothing is divided by in the new form that is not in the old one.
+//! modulo a large prime are one. Nothing is divided by in the new form that is not in the old one, and what
+//! has no value keeps none, but for cofactors that are written by the inverse: where `J` is 0 they have their
+//! limit.
 
 use crate::expression::graph::components;
 use crate::expression::{ExprGraph, Function, Input, Node, NodeId, Operator, TooManyNodes};
@@ -21,10 +23,18 @@ pub const INVARIANTS: &[Rule] = &[
     ),
     rule("determinant_of_cauchy_green", "det(C) = J^2", "always"),
     rule("cofactor_of_cauchy_green", "cof(C) = cof(F)'*cof(F)", "in three dimensions"),
+    rule(
+        "cofactor_by_inverse",
+        "J*inv(F)' = cof(F), J^2*inv(C) = cof(F)'*cof(F)",
+        "where J is not 0",
+    ),
     rule("trace_of_inverse", "tr(inv(C)) = cof(F) : cof(F)/J^2", "always"),
     rule("trace_of_square", "tr(C*C) = C : C", "always"),
     rule("square_of_deviator", "C : C - tr(C)^2/d = dev(C) : dev(C)", "always"),
 ];
+
+/// The rule that products obey, and no sum.
+const BY_INVERSE: &str = "cofactor_by_inverse";
 
 /// Factors that an invariant may stand with are whole multiples of this below the other number.
 const SMALLEST_FACTOR: f64 = 1.0 / 1024.0;
@@ -43,11 +53,28 @@ struct Rational {
     is_over_volume: bool,
 }
 
-/// What a sum may be.
+/// What a sum or a product may be.
 struct Invariant {
     rule: &'static Rule,
     node: NodeId,
     is: Rational,
+}
+
+impl Invariant {
+    /// The number that it is multiplied with to be `x`, the value of `node`.
+    fn factor_of(&self, node: Node, x: &Rational) -> Option<f64> {
+        let is_kind = match node {
+            Node::Binary(Operator::Add | Operator::Subtract, ..) => {
+                self.rule.name != BY_INVERSE && x.is_over_volume == self.is.is_over_volume
+            }
+            // Powers of J that are multiplied with and divided by: their derivatives cancel.
+            Node::Binary(Operator::Multiply | Operator::Divide, ..) => {
+                self.rule.name == BY_INVERSE && x.is_over_volume
+            }
+            _ => false,
+        };
+        if is_kind { factor(x.values, self.is.values) } else { None }
+    }
 }
 
 /// The energy `root` with every invariant in its own form, and the rules that were used; without any it
@@ -61,9 +88,8 @@ pub(super) fn recognised(
     let known = invariants(&mut forms, dimension)?;
     let rationals = rationals(source.graph(), dimension);
     let same = |id: NodeId, node: Node| {
-        let is_sum = matches!(node, Node::Binary(Operator::Add | Operator::Subtract, ..));
-        let sum = rationals[id.0 as usize].filter(|_| is_sum)?;
-        known.iter().find_map(|invariant| Some((invariant, factor(&sum, &invariant.is)?)))
+        let x = rationals[id.0 as usize]?;
+        known.iter().find_map(|invariant| Some((invariant, invariant.factor_of(node, &x)?)))
     };
     let nodes: Vec<(NodeId, Node)> = source.graph().nodes().collect();
     // From the root down: what an invariant was made of is needed no more.
@@ -123,13 +149,9 @@ fn copied(graph: &mut Simplifier, from: &ExprGraph, root: NodeId) -> Made {
     Ok(place[root.0 as usize])
 }
 
-/// The number that an invariant is multiplied with in a sum; `None` if it is something else, or has a
-/// value where the sum has none.
-fn factor(sum: &Rational, invariant: &Rational) -> Option<f64> {
-    if sum.is_over_volume != invariant.is_over_volume {
-        return None;
-    }
-    let ratio = constant(sum.values, invariant.values)?;
+/// The number that an invariant is multiplied with to be `x`; `None` if that is something else.
+fn factor(x: [Modular; PLACES], invariant: [Modular; PLACES]) -> Option<f64> {
+    let ratio = constant(x, invariant)?;
     let scaled = ratio * Modular::of(1.0 / SMALLEST_FACTOR)?;
     let (size, sign) = match (scaled.number(), (-scaled).number()) {
         (size, _) if size <= LARGEST_FACTOR => (size, 1.0),
@@ -277,14 +299,19 @@ fn forms(graph: &mut Simplifier, d: usize) -> Result<Vec<(&'static str, NodeId)>
         ("trace_of_square", square),
         ("square_of_deviator", deviator),
     ];
+    all.extend(cofactors.iter().map(|cofactor| (BY_INVERSE, *cofactor)));
+    let pairs = (0..d).flat_map(|i| (i..d).map(move |j| (i, j)));
+    let mut of_cauchy_green = Vec::new();
+    for (i, j) in pairs {
+        of_cauchy_green.push(columns(graph, &cofactors, i, j)?);
+    }
+    all.extend(of_cauchy_green.iter().map(|cofactor| (BY_INVERSE, *cofactor)));
     if d == 2 {
         all.push(("second_invariant_of_plane_strain", graph.add(trace, volume_squared)?));
         return Ok(all);
     }
     all.push(("second_invariant", second));
-    for (i, j) in (0..d).flat_map(|i| (i..d).map(move |j| (i, j))) {
-        all.push(("cofactor_of_cauchy_green", columns(graph, &cofactors, i, j)?));
-    }
+    all.extend(of_cauchy_green.into_iter().map(|cofactor| ("cofactor_of_cauchy_green", cofactor)));
     Ok(all)
 }
 

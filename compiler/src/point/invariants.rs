@@ -2,8 +2,8 @@
 //!
 //! `(tr(C)^2 - C : C)/2` subtracts fourth powers of stretches, and the sum of the squares of the cofactors
 //! of `F` is the same. Before: an energy as a graph of components, with all digits of its numbers. After:
-//! the same where every sum that is one of [`INVARIANTS`] stands as that. What a sum is follows from its
-//! values, not from its shape: rational functions of the components that agree at a few random places
+//! the same where every sum or product that is one of [`INVARIANTS`] stands as that. What it is follows from
+//! its values, not from its shape: rational functions of the components that agree at a few random places
 //! modulo a large prime are one. Nothing is divided by in the new form that is not in the old one, and what
 //! has no value keeps none, but for cofactors that are written by the inverse: where `J` is 0 they have their
 //! limit.
@@ -128,7 +128,7 @@ pub(super) fn recognised(
     Ok((graph, place[root.0 as usize], used))
 }
 
-/// All that a sum may be.
+/// All that a sum or a product may be.
 fn invariants(graph: &mut Simplifier, d: usize) -> Result<Vec<Invariant>, TooManyNodes> {
     let forms = forms(graph, d)?;
     let values = rationals(graph.graph(), d);
@@ -306,6 +306,7 @@ fn forms(graph: &mut Simplifier, d: usize) -> Result<Vec<(&'static str, NodeId)>
         of_cauchy_green.push(columns(graph, &cofactors, i, j)?);
     }
     all.extend(of_cauchy_green.iter().map(|cofactor| (BY_INVERSE, *cofactor)));
+    all.push((BY_INVERSE, second));
     if d == 2 {
         all.push(("second_invariant_of_plane_strain", graph.add(trace, volume_squared)?));
         return Ok(all);

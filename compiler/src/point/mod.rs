@@ -6,7 +6,7 @@
 //!
 //! | module | what |
 //! |---|---|
-//! | `invariants` | sums that are invariants of `C`, in the form that keeps their digits; `modular` tells them |
+//! | `invariants` | sums and products that are invariants or cofactors, in the form that keeps their digits; `modular` tells them |
 //! | `near` | an energy as a function of `H` |
 //! | `adjoint` | derivatives by several variables |
 //! | `principal` | functions of the right stretch tensor |

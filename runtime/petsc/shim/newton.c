@@ -17,7 +17,7 @@ struct PiolaNewton {
   PetscBool adapts; /* the linear tolerance to the residual, after Eisenstat and Walker */
   /* Of the solve that runs. */
   const PiolaCallbacks *callbacks;
-  PetscBool             failed, outside;
+  PetscBool             failed, outside, has_tangent; /* the last one of this rank */
   PetscReal             norm, first_norm;
 };
 
@@ -54,10 +54,14 @@ static PetscErrorCode residual(SNES snes, Vec x, Vec r, void *context)
   PetscFunctionReturn(0);
 }
 
-/* Blocks of a row from the other side. */
+/* Blocks of a row from the other side; zeros where there is no tangent. */
 static inline int32_t fill(PiolaNewton *newton, PetscInt i, double *values)
 {
   const size_t count = (size_t)(newton->starts[i + 1] - newton->starts[i]), size = (size_t)(newton->d * newton->d);
+  if (!newton->has_tangent) {
+    memset(values, 0, count * size * sizeof *values);
+    return PIOLA_FINE;
+  }
   return newton->callbacks->row(newton->callbacks->problem, i, values, (int64_t)(count * size));
 }
 
@@ -179,6 +183,7 @@ static PetscErrorCode tangent(SNES snes, Vec x, Mat given, Mat preconditioned, v
   int32_t own = newton->callbacks->tangent(newton->callbacks->problem, u);
   PetscCall(VecRestoreArrayRead(x, &u));
   PetscCall(hear(newton, own, &all));
+  newton->has_tangent = own == PIOLA_FINE ? PETSC_TRUE : PETSC_FALSE;
   if (all == PIOLA_OUTSIDE) PetscCall(SNESSetJacobianDomainError(snes));
   PetscCall(insert(newton));
   /* Without a matrix (-snes_mf_operator) the first one is a product that PETSc assembles. */
@@ -382,6 +387,7 @@ static void begin(PiolaNewton *newton, const PiolaCallbacks *callbacks)
   newton->callbacks = callbacks;
   newton->failed = newton->outside = PETSC_FALSE;
   newton->norm                     = PETSC_INFINITY;
+  newton->has_tangent              = PETSC_TRUE;
 }
 
 int piola_newton_solve(PiolaNewton *newton, const PiolaCallbacks *callbacks, double *u, PiolaOutcome *outcome)

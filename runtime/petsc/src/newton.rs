@@ -24,8 +24,8 @@ impl From<EngineError> for Refusal {
 
 /// What is to be solved: `r(u) = 0`, seen from one rank, which knows `d` numbers for each owned point.
 ///
-/// All ranks are called at the same time: callbacks may exchange halos and sums. A panic in a callback is
-/// [`Refusal::Failed`] with its message.
+/// All ranks are called at the same time: callbacks but [`row`](Problem::row) may exchange halos and sums. A panic
+/// in a callback is [`Refusal::Failed`] with its message.
 pub trait Problem {
     /// Computes the residual `r` at the displacements `u`, both of owned points. Rows of prescribed degrees
     /// of freedom hold `u` minus what is prescribed.
@@ -41,7 +41,8 @@ pub trait Problem {
     fn tangent(&mut self, u: &[f64]) -> Result<(), Refusal>;
 
     /// Writes all blocks of one row of the last tangent ([`BlockRows`]), the row of the owned point with this number
-    /// among the owned ones. What was in `values` is anything. Row by row, so that no rank has the blocks twice.
+    /// among the owned ones. What was in `values` is anything. Called once for each owned point where this rank has a
+    /// tangent, so it must exchange nothing with other ranks.
     fn row(&mut self, row: usize, values: &mut [f64]);
 
     /// Whether the displacements of the last call of [`residual`](Problem::residual) that was no trial of a

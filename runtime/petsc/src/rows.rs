@@ -19,11 +19,6 @@ pub struct BlockRows {
 }
 
 impl BlockRows {
-    /// How many blocks the rank has.
-    pub fn blocks(&self) -> usize {
-        self.columns.len()
-    }
-
     /// Whether these are rows of the range of this rank.
     pub(crate) fn check(&self, engine: &Engine, ranges: &[u64], d: usize) -> Result<(), String> {
         check_ranges(engine, ranges, d)?;

@@ -149,8 +149,12 @@ impl Problem for Logarithms {
     }
 
     fn tangent(&mut self, u: &[f64]) -> Result<(), Refusal> {
-        self.slopes = u.iter().map(|u| 1.0 / u).collect();
-        if self.stuck { Err(Refusal::Outside) } else { Ok(()) }
+        self.slopes.clear();
+        if self.stuck {
+            return Err(Refusal::Outside);
+        }
+        self.slopes.extend(u.iter().map(|u| 1.0 / u));
+        Ok(())
     }
 
     fn row(&mut self, row: usize, values: &mut [f64]) {

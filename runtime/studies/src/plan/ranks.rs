@@ -95,11 +95,11 @@ fn memory(
         items.push(("a frame as it is written", (own * 8 * d * FRAME_VECTORS) as f64));
     } else {
         let (values, columns) = matrix_bytes(d, upper);
-        // Whole rows of own points: of each block its place, and its numbers as PETSc is given them.
+        // Whole rows of own points: of each block its column, and where it stands if it is below the diagonal.
         let entries = (2.0 * upper - plan.points as f64) * (d * d) as f64 * part;
         let multigrid = MULTIGRID[usize::from(ranks > 1)];
         items.push(("tangent, upper blocks", (values + columns) * share));
-        items.push(("tangent, rows of own points", entries * (8.0 + 16.0 / (d * d) as f64)));
+        items.push(("tangent, rows of own points", entries * 12.0 / (d * d) as f64));
         items.push(("matrix of PETSc", entries * MATRIX));
         items.push(("multigrid of PETSc", (own * d * d) as f64 * multigrid));
     }

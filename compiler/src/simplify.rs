@@ -59,6 +59,11 @@ pub const RULES: &[Rule] = &[
     rule("cancel_reference", "(x*L)*(y/L) = x*y", "L is a reference measure"),
     rule("divide_by_reference", "(x*L)/L = x", "L is a reference measure"),
     rule("divide_power_of_two", "x/c = (1/c)*x", "c is a power of two: both are exact"),
+    rule(
+        "hyperbolic_quotient",
+        "sinh(x)/cosh(x) = tanh(x), cosh(x)/sinh(x) = 1/tanh(x)",
+        "always; both overflow before their quotient does",
+    ),
     rule("divide_own_factor", "(c*x)/c = x", "c is a number, finite and not 0"),
     rule(
         "reference_last",
@@ -296,6 +301,14 @@ impl Simplifier {
             (_, Node::Unary(Function::Negate, b)) => {
                 let quotient = self.divide(x, b)?;
                 self.negate(quotient)
+            }
+            (Node::Unary(Function::Sinh, a), Node::Unary(Function::Cosh, b)) if a == b => {
+                self.unary(Function::Tanh, a)
+            }
+            (Node::Unary(Function::Cosh, a), Node::Unary(Function::Sinh, b)) if a == b => {
+                let tangent = self.unary(Function::Tanh, a)?;
+                let one = self.number(1.0)?;
+                self.divide(one, tangent)
             }
             _ if self.is_positive(y) && self.is(x, 0.0) => Ok(x),
             _ if self.is_positive(y) && x == y => self.number(1.0),

@@ -36,8 +36,16 @@ pub(super) fn error_left(
     difference: f64,
 ) -> f64 {
     let size = norm(truth[parts(sample.gradient.len())[order].clone()].iter().copied());
-    let change = change(written, sample, truth, order).unwrap_or(0.0);
-    let is_excused = UNIT_ROUNDOFF * change > JUMP * size
+    let mut change = change(written, sample, truth, order).unwrap_or(0.0);
+    let of_direction =
+        if order == 2 { change_of_direction(written, sample).unwrap_or(0.0) } else { 0.0 };
+    // As good as at right angles to what changes P.
+    let is_across = SMALL * of_direction > size;
+    if is_across {
+        change += of_direction;
+    }
+    let is_excused = is_across
+        || UNIT_ROUNDOFF * change > JUMP * size
         || is_nearly_singular(sample)
         || is_in_dip(written, sample, order, size);
     let scale = if is_excused { size.max(change) } else { size };
@@ -88,6 +96,18 @@ fn change(
                 norm(right.iter().zip(&left).map(|(x, y)| x - y)) / (2.0 * step)
             }
         };
+    }
+    Some(change)
+}
+
+/// How much dP changes when every component of its direction changes by its own size.
+fn change_of_direction(written: &WrittenGradientEnergy, sample: &Sample) -> Option<f64> {
+    let n = sample.direction.len();
+    let mut change = 0.0;
+    for k in 0..n {
+        let own: Vec<f64> = (0..n).map(|j| unit(j, k)).collect();
+        let product = derivatives(written, sample, &own)?.split_off(1 + n);
+        change += sample.direction[k].abs() * norm(product);
     }
     Some(change)
 }

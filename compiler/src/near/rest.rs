@@ -219,33 +219,57 @@ impl Side<'_> {
         self.weighed(&weight, Some(stretch)).map(Some)
     }
 
-    /// Whether a coefficient of a sum is much smaller than its terms.
+    /// Whether a coefficient of a sum is much smaller than its terms, of products than theirs.
     fn cancels(&self, id: Id, terms: &Sum, k: usize) -> bool {
         let total = &self.nodes[id].series[k];
         let mut largest: Vec<(Symbol, i64)> = Vec::new();
         for (weight, x) in terms {
-            let Some(coefficient) = self.nodes[*x].series.get(k) else { return true };
-            for term in coefficient {
+            let Some(parts) = self.parts(*x, k) else { return true };
+            for (power, size) in parts {
                 // Symbols of products are those of the total where they matter.
-                let power = weight.symbol.power + term.symbol.power;
-                let own = weight.exact.value.magnitude().zip(term.exact.value.magnitude());
-                let Some((a, b)) = own else { continue };
+                let power = weight.symbol.power + power;
+                let Some(own) = weight.exact.value.magnitude() else { continue };
                 let symbol = total
                     .iter()
                     .map(|t| t.symbol)
                     .find(|symbol| symbol.power == power)
                     .unwrap_or(Symbol { power, other: None });
                 match largest.iter_mut().find(|(known, _)| *known == symbol) {
-                    Some((_, size)) => *size = (*size).max(a + b),
-                    None => largest.push((symbol, a + b)),
+                    Some((_, known)) => *known = (*known).max(own + size),
+                    None => largest.push((symbol, own + size)),
                 }
             }
         }
         largest.iter().any(|(symbol, size)| {
-            let own = total.iter().find(|term| term.symbol == *symbol);
-            let own = own.and_then(|term| term.exact.value.magnitude()).unwrap_or(i64::MIN);
+            let own = total
+                .iter()
+                .find(|t| t.symbol == *symbol)
+                .and_then(|t| t.exact.value.magnitude())
+                .unwrap_or(i64::MIN);
             own < size - CANCELS
         })
+    }
+
+    /// Powers of the reference and sizes, as powers of two, of what a coefficient is the sum of.
+    fn parts(&self, x: Id, k: usize) -> Option<Vec<(f64, i64)>> {
+        let sizes = |coefficient: &Coefficient| -> Vec<(f64, i64)> {
+            let size = |term: &Term| Some((term.symbol.power, term.exact.value.magnitude()?));
+            coefficient.iter().filter_map(size).collect()
+        };
+        let own = sizes(self.nodes[x].series.get(k)?);
+        let Kind::Product(y, z) = self.nodes[x].kind else { return Some(own) };
+        // The first coefficient of a product is one product, whose factors have their digits.
+        if self.order(x).is_ok_and(|order| k <= order) {
+            return Some(own);
+        }
+        let (y, z) = (&self.nodes[y].series, &self.nodes[z].series);
+        let mut all = Vec::new();
+        for (first, second) in y.iter().take(k + 1).zip(z.iter().take(k + 1).rev()) {
+            for (p, a) in sizes(first) {
+                all.extend(sizes(second).into_iter().map(|(q, b)| (p + q, a + b)));
+            }
+        }
+        Some(all)
     }
 
     fn product_rest(&mut self, id: Id, (x, y): (Id, Id), k: usize) -> Made<NodeId> {

@@ -45,7 +45,13 @@ impl Side<'_> {
     fn guard(&mut self, id: Id, k: usize, sign: i32) -> Made<()> {
         let Some(value) = self.rest(id, k)? else { return Ok(()) };
         let zero = self.target.number(0.0)?;
-        let comparison = if sign > 0 { Comparison::Greater } else { Comparison::Less };
+        // What is 0 at rest has its side there, too.
+        let comparison = match (sign > 0, k > 0) {
+            (true, false) => Comparison::Greater,
+            (true, true) => Comparison::GreaterEqual,
+            (false, false) => Comparison::Less,
+            (false, true) => Comparison::LessEqual,
+        };
         let holds = self.target.make(Node::Compare(comparison, value, zero))?;
         // A number that is compared with a number holds or does not, at any strain.
         if self.target.graph()[holds] != Node::Truth(true) {

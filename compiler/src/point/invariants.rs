@@ -12,6 +12,7 @@ use crate::expression::graph::components;
 use crate::expression::{ExprGraph, Function, Input, Node, NodeId, Operator, TooManyNodes};
 use crate::point::modular::{Modular, PLACES};
 use crate::simplify::{Rule, Simplifier, rule};
+use combinations::{Combinations, PROBES};
 
 /// Every identity in use; a test of the same name shows each at work.
 pub const INVARIANTS: &[Rule] = &[
@@ -27,6 +28,12 @@ pub const INVARIANTS: &[Rule] = &[
         "cofactor_by_inverse",
         "J*inv(F)' = cof(F), J^2*inv(C) = cof(F)'*cof(F)",
         "where J is not 0",
+    ),
+    rule(
+        "cofactor_of_fibre",
+        "I5(n) - I1*I4(n) + I2 = |cof(F)*n|^2, I1*I4(n) - I5(n) = |cof(F)*p|^2 + |cof(F)*q|^2, \
+         in two dimensions J^2",
+        "n, p and q of length 1 at right angles",
     ),
     rule("trace_of_inverse", "tr(inv(C)) = cof(F) : cof(F)/J^2", "always"),
     rule("trace_of_square", "tr(C*C) = C : C", "always"),
@@ -45,10 +52,13 @@ const LARGEST_POWER: usize = 8;
 
 type Made = Result<NodeId, TooManyNodes>;
 
-/// A rational function of the components of `F`, by its values at random places.
+/// A function at random places, then where combinations of cofactors show their coefficients.
+type Values = [Modular; PLACES + PROBES];
+
+/// A rational function of the components of `F`, by its values.
 #[derive(Clone, Copy)]
 struct Rational {
-    values: [Modular; PLACES],
+    values: Values,
     /// Whether it is divided by powers of `J`, and so has no value where `J = 0`; else by nothing.
     is_over_volume: bool,
 }
@@ -87,9 +97,16 @@ pub(super) fn recognised(
     let mut forms = Simplifier::exact();
     let known = invariants(&mut forms, dimension)?;
     let rationals = rationals(source.graph(), dimension);
-    let same = |id: NodeId, node: Node| {
-        let x = rationals[id.0 as usize]?;
-        known.iter().find_map(|invariant| Some((invariant, invariant.factor_of(node, &x)?)))
+    let mut combinations = Combinations::new(&mut forms, dimension)?;
+    let mut same = |id: NodeId, node: Node| {
+        let Some(x) = rationals[id.0 as usize] else { return Ok(None) };
+        let multiple = |invariant: &Invariant| {
+            Some((invariant.rule, invariant.node, invariant.factor_of(node, &x)?))
+        };
+        match known.iter().find_map(multiple) {
+            Some(found) => Ok(Some(found)),
+            None => combinations.form(source.graph(), id, &x),
+        }
     };
     let nodes: Vec<(NodeId, Node)> = source.graph().nodes().collect();
     // From the root down: what an invariant was made of is needed no more.
@@ -101,11 +118,9 @@ pub(super) fn recognised(
         if !needed[id.0 as usize] {
             continue;
         }
-        found[id.0 as usize] = same(id, node);
+        found[id.0 as usize] = same(id, node)?;
         match found[id.0 as usize] {
-            Some((Invariant { rule, .. }, _)) if used.iter().all(|x| x.name != rule.name) => {
-                used.push(*rule);
-            }
+            Some((rule, ..)) if used.iter().all(|x| x.name != rule.name) => used.push(rule),
             Some(_) => {}
             None => node.operands().for_each(|x| needed[x.0 as usize] = true),
         }
@@ -117,8 +132,8 @@ pub(super) fn recognised(
     let mut place = vec![NodeId(0); nodes.len()];
     for &(id, node) in nodes.iter().filter(|(id, _)| needed[id.0 as usize]) {
         place[id.0 as usize] = match found[id.0 as usize] {
-            Some((invariant, factor)) => {
-                let form = copied(&mut graph, forms.graph(), invariant.node)?;
+            Some((_, form, factor)) => {
+                let form = copied(&mut graph, forms.graph(), form)?;
                 let factor = graph.number(factor)?;
                 graph.multiply(factor, form)?
             }
@@ -150,7 +165,7 @@ fn copied(graph: &mut Simplifier, from: &ExprGraph, root: NodeId) -> Made {
 }
 
 /// The number that an invariant is multiplied with to be `x`; `None` if that is something else.
-fn factor(x: [Modular; PLACES], invariant: [Modular; PLACES]) -> Option<f64> {
+fn factor(x: Values, invariant: Values) -> Option<f64> {
     let ratio = constant(x, invariant)?;
     let scaled = ratio * Modular::of(1.0 / SMALLEST_FACTOR)?;
     let (size, sign) = match (scaled.number(), (-scaled).number()) {
@@ -162,23 +177,28 @@ fn factor(x: [Modular; PLACES], invariant: [Modular; PLACES]) -> Option<f64> {
 }
 
 /// The quotient of two functions if it is one number.
-fn constant(x: [Modular; PLACES], y: [Modular; PLACES]) -> Option<Modular> {
-    let mut quotients = x.into_iter().zip(y).map(|(x, y)| Some(x * y.reciprocal()?));
+fn constant(x: Values, y: Values) -> Option<Modular> {
+    let mut quotients = x.into_iter().zip(y).take(PLACES).map(|(x, y)| Some(x * y.reciprocal()?));
     let first = quotients.next()??;
     quotients.all(|quotient| quotient == Some(first)).then_some(first)
 }
 
 /// What every node is as a function of `F`, where it is made of its components by sums, products and
-/// division by powers of `J`.
+/// division by powers of `J`; other constants, as `cos(0.5)`, stand for themselves.
 fn rationals(graph: &ExprGraph, d: usize) -> Vec<Option<Rational>> {
-    let gradient = |k: u8| Modular::places(usize::from(k));
+    let gradient = |k: u8| variable(k, d);
     let volume = determinant(&components(d).into_iter().map(gradient).collect::<Vec<_>>());
     let mut known: Vec<Option<Rational>> = Vec::with_capacity(graph.len());
-    for (_, node) in graph.nodes() {
+    let mut is_constant: Vec<bool> = Vec::with_capacity(graph.len());
+    for (id, node) in graph.nodes() {
         let of = |x: NodeId| known[x.0 as usize];
         let plain = |values| Rational { values, is_over_volume: false };
-        known.push(match node {
-            Node::Number(bits) => Modular::of(f64::from_bits(bits)).map(|x| plain([x; PLACES])),
+        let constant =
+            !matches!(node, Node::Input(_)) && node.operands().all(|x| is_constant[x.0 as usize]);
+        let rational = match node {
+            Node::Number(bits) => {
+                Modular::of(f64::from_bits(bits)).map(|x| plain([x; PLACES + PROBES]))
+            }
             Node::Input(Input::Variable(k)) => Some(plain(gradient(k))),
             Node::Unary(Function::Negate, x) => {
                 of(x).map(|x| Rational { values: x.values.map(|x| -x), ..x })
@@ -190,17 +210,29 @@ fn rationals(graph: &ExprGraph, d: usize) -> Vec<Option<Rational>> {
                 of(x).zip(of(y)).and_then(|(x, y)| operation(operator, x, y, &volume))
             }
             _ => None,
-        });
+        };
+        let symbol = || {
+            let is_number = matches!(node, Node::Unary(..) | Node::PowerConstant(..));
+            let symbol = Modular::symbol(id.0 as usize);
+            (constant && is_number).then(|| plain([symbol; PLACES + PROBES]))
+        };
+        known.push(rational.or_else(symbol));
+        is_constant.push(constant);
     }
     known
 }
 
-fn operation(
-    operator: Operator,
-    x: Rational,
-    y: Rational,
-    volume: &[Modular; PLACES],
-) -> Option<Rational> {
+/// Component `k` of `F`.
+fn variable(k: u8, d: usize) -> Values {
+    let random = Modular::places(usize::from(k));
+    let probes = combinations::probes(d);
+    std::array::from_fn(|place| match place.checked_sub(PLACES) {
+        None => random[place],
+        Some(probe) => Modular::whole(probes[probe][usize::from(k / 3)][usize::from(k % 3)]),
+    })
+}
+
+fn operation(operator: Operator, x: Rational, y: Rational, volume: &Values) -> Option<Rational> {
     let each = |f: fn(Modular, Modular) -> Modular| Rational {
         values: std::array::from_fn(|k| f(x.values[k], y.values[k])),
         is_over_volume: x.is_over_volume || y.is_over_volume,
@@ -214,12 +246,12 @@ fn operation(
     }
 }
 
-fn power(x: Rational, exponent: f64, volume: &[Modular; PLACES]) -> Option<Rational> {
+fn power(x: Rational, exponent: f64, volume: &Values) -> Option<Rational> {
     let n = exponent.abs();
     if n.fract() != 0.0 || n > LARGEST_POWER as f64 {
         return None;
     }
-    let mut power = [Modular::ONE; PLACES];
+    let mut power = [Modular::ONE; PLACES + PROBES];
     for _ in 0..n as usize {
         power = std::array::from_fn(|k| power[k] * x.values[k]);
     }
@@ -227,19 +259,21 @@ fn power(x: Rational, exponent: f64, volume: &[Modular; PLACES]) -> Option<Ratio
         return Some(Rational { values: power, ..x });
     }
     // By a number, or by a number times a power of J.
-    let mut powers = [Modular::ONE; PLACES];
+    let mut powers = [Modular::ONE; PLACES + PROBES];
     let mut is_volume = None;
     for n in 0..=LARGEST_POWER {
         is_volume = is_volume.or(constant(x.values, powers).map(|_| n > 0));
         powers = std::array::from_fn(|k| powers[k] * volume[k]);
     }
     let is_over_volume = is_volume.filter(|_| !x.is_over_volume)?;
-    let values = power.map(Modular::reciprocal);
-    let values = [values[0]?, values[1]?, values[2]?];
+    let mut values = power;
+    for value in &mut values {
+        *value = value.reciprocal()?;
+    }
     Some(Rational { values, is_over_volume })
 }
 
-fn determinant(f: &[[Modular; PLACES]]) -> [Modular; PLACES] {
+fn determinant(f: &[Values]) -> Values {
     std::array::from_fn(|k| {
         let minor =
             |a: usize, b: usize, c: usize, e: usize| f[a][k] * f[b][k] + -(f[c][k] * f[e][k]);
@@ -261,11 +295,7 @@ fn forms(graph: &mut Simplifier, d: usize) -> Result<Vec<(&'static str, NodeId)>
         gradient.push(graph.input(Input::Variable(k))?);
     }
     let cofactors = cofactors(graph, &gradient)?;
-    let mut volume = graph.number(0.0)?;
-    for k in 0..d {
-        let term = graph.multiply(gradient[k], cofactors[k])?;
-        volume = graph.add(volume, term)?;
-    }
+    let volume = volume(graph, &gradient, &cofactors)?;
     let volume_squared = graph.multiply(volume, volume)?;
     let cauchy_green = |graph: &mut Simplifier, i, j| columns(graph, &gradient, i, j);
     let mut trace = cauchy_green(graph, 0, 0)?;
@@ -316,6 +346,18 @@ fn forms(graph: &mut Simplifier, d: usize) -> Result<Vec<(&'static str, NodeId)>
     Ok(all)
 }
 
+/// `J`, along the first row.
+fn volume(graph: &mut Simplifier, gradient: &[NodeId], cofactors: &[NodeId]) -> Made {
+    let mut sum = graph.number(0.0)?;
+    for (component, cofactor) in
+        gradient.iter().zip(cofactors).take(if gradient.len() == 4 { 2 } else { 3 })
+    {
+        let term = graph.multiply(*component, *cofactor)?;
+        sum = graph.add(sum, term)?;
+    }
+    Ok(sum)
+}
+
 /// Component `ij` of `A'*A`.
 fn columns(graph: &mut Simplifier, tensor: &[NodeId], i: usize, j: usize) -> Made {
     let d = if tensor.len() == 4 { 2 } else { 3 };
@@ -356,5 +398,6 @@ fn cofactors(graph: &mut Simplifier, f: &[NodeId]) -> Result<Vec<NodeId>, TooMan
     Ok(all)
 }
 
+mod combinations;
 #[cfg(test)]
 mod tests;

@@ -5,7 +5,7 @@ use std::ops::{Add, Mul, Neg};
 /// `2^61 - 1`, a Mersenne prime: powers of two are shifts.
 const PRIME: u64 = (1 << 61) - 1;
 
-/// At how many places functions are compared. Two of degree n that differ agree at a random one with odds
+/// At how many random places functions are compared. Two of degree n that differ agree at one with odds
 /// of n in 2^61.
 pub(super) const PLACES: usize = 3;
 
@@ -29,16 +29,28 @@ impl Modular {
         Some(if value < 0.0 { -number } else { number })
     }
 
+    /// A small whole number.
+    pub(super) fn whole(value: i8) -> Modular {
+        let size = Modular(u64::from(value.unsigned_abs()));
+        if value < 0 { -size } else { size }
+    }
+
     /// A variable at each of the places.
     pub(super) fn places(variable: usize) -> [Modular; PLACES] {
-        std::array::from_fn(|place| {
-            // The numbers of splitmix64, which look random.
-            let mut x =
-                (1 + (PLACES * variable + place) as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15);
-            x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-            x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-            Modular((x ^ (x >> 31)) % PRIME)
-        })
+        std::array::from_fn(|place| Modular::random(PLACES * variable + place))
+    }
+
+    /// A number that stands for a constant: other constants have others.
+    pub(super) fn symbol(constant: usize) -> Modular {
+        Modular::random(constant + (1 << 32))
+    }
+
+    /// The numbers of splitmix64, which look random.
+    fn random(n: usize) -> Modular {
+        let mut x = (1 + n as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        Modular((x ^ (x >> 31)) % PRIME)
     }
 
     pub(super) fn number(self) -> u64 {
@@ -69,7 +81,10 @@ impl Add for Modular {
 impl Mul for Modular {
     type Output = Modular;
     fn mul(self, other: Modular) -> Modular {
-        Modular((u128::from(self.0) * u128::from(other.0) % u128::from(PRIME)) as u64)
+        let product = u128::from(self.0) * u128::from(other.0);
+        // 2^61 is 1.
+        let sum = (product as u64 & PRIME) + (product >> 61) as u64;
+        Modular(if sum >= PRIME { sum - PRIME } else { sum })
     }
 }
 

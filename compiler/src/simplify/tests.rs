@@ -166,6 +166,13 @@ fn divide_own_factor() {
 }
 
 #[test]
+fn hyperbolic_quotient() {
+    becomes("sinh(l)/cosh(l)", "tanh(l)");
+    becomes("cosh(C*l)/sinh(C*l)", "1/tanh(C*l)");
+    stays("cosh(l)/sinh(C*l)");
+}
+
+#[test]
 fn reference_last() {
     becomes("(C/L)*l", "C*l/L");
     becomes("(C/L)/n", "C/n/L");

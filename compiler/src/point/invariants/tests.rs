@@ -113,6 +113,59 @@ fn cofactor_by_inverse() {
     }
 }
 
+/// With any factor and between any directions.
+#[test]
+fn cofactors_by_inverse_are_added_up() {
+    let [n, m] = ["vector(0.6, 0.8, 0)", "vector(1, -2, 1)/sqrt(6)"];
+    for energy in [
+        "((0.7*J*inv(F)') : (J*inv(F)'))^2".to_string(),
+        format!("(J^2*({n}*inv(C)*{n}))^2"),
+        format!("(0.3*J^2*({n}*inv(C)*{m}) - 1)^2"),
+        format!("(J*({m}*inv(F)*{n}))^2"),
+        "(J^2*inv(F*F')) : dyad(0, 1, 0)".to_string(),
+    ] {
+        assert!(rules(&energy, 3).contains(&"cofactor_by_inverse"), "{energy}");
+        let kept = errors(&energy, 3, Form::Accurate);
+        assert!(kept.iter().all(|error| *error < 64.0), "{energy}: {kept:?}");
+    }
+}
+
+/// Directions whose length is 1 but for rounding, given by an angle and divided by their length.
+#[test]
+fn cofactor_of_fibre() {
+    let of_c = |n: &str| {
+        [
+            format!("{n}*C*C*{n} - tr(C)*({n}*C*{n}) + (tr(C)^2 - C : C)/2"),
+            format!("(tr(C)*({n}*C*{n}) - {n}*C*C*{n} - 2)^2"),
+            format!(
+                "{n}*C*C*{n} - 0.5*tr(C)*({n}*C*{n}) + 0.25*(tr(C)^2 - C : C) - 0.5*(tr(C)*({n}*C*{n}) - {n}*C*C*{n})"
+            ),
+        ]
+    };
+    let directions =
+        ["vector(0.6, 0.8, 0)", "vector(cos(0.5), 0, sin(0.5))", "vector(1, -2, 1)/sqrt(6)"];
+    for written in directions.map(of_c) {
+        keeps_its_digits("cofactor_of_fibre", 3, &written.each_ref().map(String::as_str));
+    }
+    let of_b = "(tr(b)*(b : dyad(1, 0, 0)) - (b*b) : dyad(1, 0, 0))^2".replace('b', "(F*F')");
+    keeps_its_digits("cofactor_of_fibre", 3, &[&of_b]);
+    let n = "vector(0.6, 0.8)";
+    let written = format!("(tr(C)*({n}*C*{n}) - {n}*C*C*{n})^2");
+    keeps_its_digits("cofactor_of_fibre", 2, &[&written]);
+}
+
+/// Sums that are no sums of squares cancel in one form as in the other.
+#[test]
+fn what_is_no_sum_of_squares_is_no_cofactor_of_fibre() {
+    for energy in [
+        "C(1,1)*C(2,2) - C(1,1)*C(3,3) - C(1,2)^2 + C(1,3)^2",
+        "C(1,2)*C(3,3) - C(1,3)*C(2,3)",
+        "vector(1, 0, 0)*C*C*vector(1, 0, 0) - 0.5*tr(C)*C(1,1)",
+    ] {
+        assert!(!rules(energy, 3).contains(&"cofactor_of_fibre"), "{energy}");
+    }
+}
+
 #[test]
 fn trace_of_inverse() {
     for d in [2, 3] {

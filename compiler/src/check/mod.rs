@@ -193,8 +193,23 @@ fn check_whole<'a>(
     errors.sort_by_key(|error| error.span);
     // What is wrong in a sum is wrong in each of its terms.
     errors.dedup_by(|next, first| next.span == first.span && next.message == first.message);
+    drop_uses_of_refused_names(&mut errors);
     errors.truncate(MAX_FINDINGS);
     Err(errors)
+}
+
+/// What a name that may not be defined stands for where it is used is not what was meant there: `A = 2` is no
+/// area.
+fn drop_uses_of_refused_names(errors: &mut Vec<Diagnostic>) {
+    let quoted = |error: &Diagnostic, n: usize| {
+        error.message.split('`').skip(1).step_by(2).nth(n).map(str::to_lowercase)
+    };
+    let refused = errors.iter().filter(|error| error.code == "reserved-name");
+    let refused: Vec<_> = refused.filter_map(|error| quoted(error, 0)).collect();
+    errors.retain(|error| {
+        let follows = matches!(error.code, "unknown-name" | "wrong-measure");
+        !follows || quoted(error, 0).is_none_or(|name| !refused.contains(&name))
+    });
 }
 
 pub(crate) use gathered::MAX_INTEGRALS;

@@ -527,3 +527,17 @@ fn states_of_one_kind_are_refused_to_others() {
     let found = errors("potential p\nstate k = 0\npsi(a) = k*(a/A)^2");
     assert_eq!(found[0].message, "psi(a) cannot depend on what bonds remember");
 }
+
+/// A name that may not be defined is told once, and not again where it is used.
+#[test]
+fn uses_of_refused_names_are_not_told() {
+    for text in [
+        "t = l/L\npsi(l) = (t - 1)^2*L",
+        "A = 2\npsi(l) = A*(l - L)^2/L",
+        "parameter a = 2\npsi(l) = a*(l - L)^2/L",
+    ] {
+        assert_eq!(codes(&format!("potential p\n{text}")), ["reserved-name"], "{text}");
+    }
+    let other = codes("potential p\nA = 2\npsi(l) = A*x*(l - L)^2/L");
+    assert_eq!(other, ["reserved-name", "unknown-name"]);
+}

@@ -9,6 +9,9 @@ use crate::model::{CoupledEnergy, Variant};
 /// How much smaller than around it a value must be to count as 0.
 const NOTHING: f64 = 1e-9;
 
+/// Stretches that are rest but for a strain whose fourth power is nothing.
+const BESIDE: [f64; 2] = [1.0 - 1e-7, 1.0 + 1e-7];
+
 /// psi' at rest, if it is a force and no rounding.
 pub(super) fn not_stress_free(subject: &Subject<'_>) -> Option<Finding> {
     let (force, around) = at_rest(subject, 1)?;
@@ -36,7 +39,9 @@ pub(super) fn not_stiff(subject: &Subject<'_>) -> Option<Finding> {
         return None;
     }
     let (stiffness, around) = at_rest(subject, 2)?;
-    if stiffness > NOTHING * around {
+    // Where branches meet at rest, it is that on both sides.
+    let beside = BESIDE.map(|stretch| subject.at_stretch(stretch)[2]);
+    if stiffness > NOTHING * around || beside.iter().all(|one| *one > NOTHING * around) {
         return None;
     }
     let symbol = subject.symbol();

@@ -18,7 +18,7 @@ fn message(statements: &str, code: &str) -> String {
 }
 
 /// Code, an energy that has it, an energy that has not.
-const PAIRS: [(&str, &str, &str); 50] = [
+const PAIRS: [(&str, &str, &str); 51] = [
     (
         "update-creates-energy",
         "state k = 0\nupdate k = max(k, a/A - 1)\npsi(l) = (l/L - 1)^2\npsi(a) = (1 + k)*(a/A - 1)^2",
@@ -147,6 +147,11 @@ const PAIRS: [(&str, &str, &str); 50] = [
     ("not-stiff-at-rest", "psi(l) = (l/L - 1)^4", "psi(l) = (l/L - 1)^4 + (l/L - 1)^2"),
     ("not-stiff-at-rest", "psi(a) = -(a/A - 1)^2", "psi(a) = (a/A - 1)^2"),
     ("not-stiff-at-rest", "psi(l) = l/L", "psi(l) = cosh(l/L - 1)"),
+    (
+        "not-stiff-at-rest",
+        "psi(l) = abs(l/L - 1)^3",
+        "psi(l) = (1 + abs(l/L - 1))^1.2 - 1.2*abs(l/L - 1)",
+    ),
     ("singular-in-domain", "psi(v) = ln(v/V)^2", "psi(v) = ln(v/V)^2\ndomain v/V in (0, inf)"),
     ("singular-in-domain", "psi(l) = abs(l/L - 1)^1.5", "psi(l) = abs(l/L - 1)^2.5"),
     (

@@ -31,7 +31,7 @@ pub const INVARIANTS: &[Rule] = &[
     ),
     rule(
         "cofactor_of_fibre",
-        "I5(n) - I1*I4(n) + I2 = |cof(F)*n|^2, I1*I4(n) - I5(n) = |cof(F)*p|^2 + |cof(F)*q|^2, \
+        "I5(n) - I1*I4(n) + I2 = norm(cof(F)*n)^2, I1*I4(n) - I5(n) = norm(cof(F)*p)^2 + norm(cof(F)*q)^2, \
          in two dimensions J^2",
         "n, p and q of length 1 at right angles",
     ),

@@ -24,6 +24,7 @@ mod kernel;
 mod modular;
 pub(crate) mod near;
 mod principal;
+mod roundings;
 pub(crate) mod sample;
 pub(crate) mod truth;
 mod turned;
@@ -35,6 +36,7 @@ pub use kernel::{GradientBatch, GradientKernel, NEAR, WrittenGradientEnergy, gra
 use adjoint::Varied;
 pub(crate) use principal::axes;
 use principal::{Open, StretchFunction};
+use roundings::without_powers_of_roundings;
 
 use piola_grammar::Span;
 
@@ -202,7 +204,11 @@ impl Model {
                     }
                     Form::Textbook => None,
                 };
-                let mut far = form(&graph, psi, dimension, (&functions, false), fields)?;
+                let far = match which {
+                    Form::Accurate => without_powers_of_roundings(&mut graph, psi)?,
+                    Form::Textbook => psi,
+                };
+                let mut far = form(&graph, far, dimension, (&functions, false), fields)?;
                 let mut near = near
                     .map(|near| form(&graph, near, dimension, (&functions, true), fields))
                     .transpose()?;

@@ -43,6 +43,11 @@ pub const REWRITES: &[Rule] = &[
     rule("logarithm_of_stretch", "ln(x^p) = p*S_0", "p is no even number"),
     rule("logarithm_of_sum", "ln(1 + y) = log1p(y)", "always"),
     rule(
+        "inverse_hyperbolic_sine",
+        "ln(y + sqrt(y^2 + c)) = ln(c) - ln(sqrt(y^2 + c) - y)",
+        "y < 0 and c > 0 is a number, else it stays",
+    ),
+    rule(
         "logarithm_of_change",
         "log1p(e) = S_0, log1pmx(e) = ln(x) - e",
         "abs(e) >= 0.5, else they stay",

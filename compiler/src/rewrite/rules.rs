@@ -2,7 +2,7 @@
 
 use super::monomial::{Base, Monomial, Monomials, strain, stretch};
 use super::{Applied, named};
-use crate::expression::{Function, Input, Node, NodeId, Operator, TooManyNodes};
+use crate::expression::{Comparison, Function, Input, Node, NodeId, Operator, TooManyNodes};
 use crate::measure::Measure;
 use crate::simplify::Simplifier;
 
@@ -175,7 +175,16 @@ impl Rules {
             let made = graph.multiply(factor, strain)?;
             return Ok(Some(("logarithm_of_stretch", made)));
         }
-        Ok(None)
+        let Some((y, root, number)) = sum_with_root(graph, x) else { return Ok(None) };
+        let zero = graph.number(0.0)?;
+        let is_negative = graph.make(Node::Compare(Comparison::Less, y, zero))?;
+        let other = graph.subtract(root, y)?;
+        let other = graph.unary(Function::Ln, other)?;
+        let number = graph.unary(Function::Ln, number)?;
+        let left = graph.subtract(number, other)?;
+        let right = graph.unary(Function::Ln, x)?;
+        let made = graph.make(Node::Select(is_negative, left, right))?;
+        Ok(Some(("inverse_hyperbolic_sine", made)))
     }
 
     /// The exponent of a plain power of the stretch that is defined where the logarithm of the
@@ -212,6 +221,27 @@ impl Rules {
         self.applied.push(Applied { rule: named("logarithm_of_sum"), before: id, after: made });
         self.apply(graph, made).map(Some)
     }
+}
+
+/// `y`, the root and the number of `y + sqrt(y^2 + c)` with `c > 0`.
+fn sum_with_root(graph: &Simplifier, x: NodeId) -> Option<(NodeId, NodeId, NodeId)> {
+    let graph = graph.graph();
+    let Node::Binary(Operator::Add, a, b) = graph[x] else { return None };
+    let is_square = |square: NodeId, y: NodeId| match graph[square] {
+        Node::PowerConstant(x, bits) => x == y && f64::from_bits(bits) == 2.0,
+        Node::Binary(Operator::Multiply, p, q) => p == y && q == y,
+        _ => false,
+    };
+    let parts = |root: NodeId, y: NodeId| {
+        let Node::Unary(Function::Sqrt, sum) = graph[root] else { return None };
+        let Node::Binary(Operator::Add, p, q) = graph[sum] else { return None };
+        let number = |c: NodeId, square| {
+            let is_number = graph.as_number(c).is_some_and(|c| c > 0.0);
+            (is_number && is_square(square, y)).then_some((y, root, c))
+        };
+        number(p, q).or_else(|| number(q, p))
+    };
+    parts(b, a).or_else(|| parts(a, b))
 }
 
 /// The terms of a sum; empty if there are more than three.

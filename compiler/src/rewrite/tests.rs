@@ -94,6 +94,16 @@ fn logarithm_of_sum() {
 }
 
 #[test]
+fn inverse_hyperbolic_sine() {
+    // Below 0 in compression.
+    let y = "(80*(l/L) - 60)";
+    let others = [format!("ln({y} + sqrt({y}^2 - 1))"), format!("ln({y} + sqrt((2*{y})^2 + 1))")];
+    let others = others.each_ref().map(String::as_str);
+    rule("inverse_hyperbolic_sine", &format!("ln({y} + sqrt({y}^2 + 1))"), 50.0, &others);
+    rule("inverse_hyperbolic_sine", &format!("ln(sqrt(0.3 + {y}*{y}) + {y})"), 200.0, &[]);
+}
+
+#[test]
 fn logarithm_of_change() {
     // As they are typed: in compression the change has lost what is left of the length.
     rule("logarithm_of_change", "log1p(l/L - 1)^2", 1e4, &["log1p(2*(l/L - 1)^2)"]);

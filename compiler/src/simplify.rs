@@ -58,6 +58,7 @@ pub const RULES: &[Rule] = &[
     rule("divide_negated", "(-x)/y = -(x/y)", "always"),
     rule("cancel_reference", "(x*L)*(y/L) = x*y", "L is a reference measure"),
     rule("divide_by_reference", "(x*L)/L = x", "L is a reference measure"),
+    rule("divide_by_quotient", "1/(L/x) = x/L", "L is a reference measure"),
     rule("divide_power_of_two", "x/c = (1/c)*x", "c is a power of two: both are exact"),
     rule(
         "hyperbolic_quotient",
@@ -309,6 +310,11 @@ impl Simplifier {
                 let tangent = self.unary(Function::Tanh, a)?;
                 let one = self.number(1.0)?;
                 self.divide(one, tangent)
+            }
+            (_, Node::Binary(Operator::Divide, reference, m))
+                if self.is(x, 1.0) && self.is_reference(reference) =>
+            {
+                self.divide(m, reference)
             }
             _ if self.is_positive(y) && self.is(x, 0.0) => Ok(x),
             _ if self.is_positive(y) && x == y => self.number(1.0),

@@ -9,8 +9,9 @@ use crate::model::{CoupledEnergy, Variant};
 /// How much smaller than around it a value must be to count as 0.
 const NOTHING: f64 = 1e-9;
 
-/// Stretches that are rest but for a strain whose fourth power is nothing.
+/// Stretches beside rest, and which part of psi'' a tenth around it is there no power of the strain.
 const BESIDE: [f64; 2] = [1.0 - 1e-7, 1.0 + 1e-7];
+const ENOUGH: f64 = 1e-2;
 
 /// psi' at rest, if it is a force and no rounding.
 pub(super) fn not_stress_free(subject: &Subject<'_>) -> Option<Finding> {
@@ -41,7 +42,7 @@ pub(super) fn not_stiff(subject: &Subject<'_>) -> Option<Finding> {
     let (stiffness, around) = at_rest(subject, 2)?;
     // Where branches meet at rest, it is that on both sides.
     let beside = BESIDE.map(|stretch| subject.at_stretch(stretch)[2]);
-    if stiffness > NOTHING * around || beside.iter().all(|one| *one > NOTHING * around) {
+    if stiffness > NOTHING * around || beside.iter().all(|one| *one > ENOUGH * around) {
         return None;
     }
     let symbol = subject.symbol();

@@ -166,6 +166,12 @@ fn divide_own_factor() {
 }
 
 #[test]
+fn divide_by_quotient() {
+    becomes("1/(L/l)", "l/L");
+    stays("1/(C/l)");
+}
+
+#[test]
 fn hyperbolic_quotient() {
     becomes("sinh(l)/cosh(l)", "tanh(l)");
     becomes("cosh(C*l)/sinh(C*l)", "1/tanh(C*l)");

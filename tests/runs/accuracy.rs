@@ -304,7 +304,7 @@ const MISSED: [(&str, &str, [f64; 3], [f64; 3]); 30] = [
     ("lopez_pamies", "random", [0.0, 0.0, 130.0], [0.0; 3]),
     ("fibre_reinforced", "volumetric", [0.0, 2.0e15, 0.0], [0.0; 3]),
     ("fibre_reinforced", "random", [314.0, 315.0, 314.0], [0.0; 3]),
-    ("fung", "inverted", [329.0, 329.0, 333.0], [329.0, 329.0, 333.0]),
+    ("fung", "inverted", [329.0, 329.0, 333.0], [329.0, 329.0, 0.0]),
     ("hencky", "random", [0.0, 0.0, 118.0], [0.0; 3]),
     ("mooney_rivlin", "volumetric", [0.0, 3.8e18, 93.0], [0.0, 0.0, 93.0]),
     ("mooney_rivlin", "random", [0.0, 124.0, 171.0], [0.0; 3]),

@@ -38,7 +38,8 @@ pub(super) fn error_left(
     let size = norm(truth[parts(sample.gradient.len())[order].clone()].iter().copied());
     let mut change = change(written, sample, truth, order).unwrap_or(0.0);
     let of_direction =
-        if order == 2 { change_of_direction(written, sample).unwrap_or(0.0) } else { 0.0 };
+        if order == 2 { along_components(written, sample, &sample.direction) } else { None };
+    let of_direction = of_direction.unwrap_or(0.0);
     // As good as at right angles to what changes P.
     let is_across = SMALL * of_direction > size;
     if is_across {
@@ -73,24 +74,21 @@ fn change(
 ) -> Option<f64> {
     let given = sample.given();
     let n = given.len();
-    let product = |direction: &[f64], at: &Sample| -> Option<Vec<f64>> {
-        Some(derivatives(written, at, direction)?.split_off(1 + n))
-    };
+    if order == 1 {
+        return along_components(written, sample, given);
+    }
     let mut change = 0.0;
     for k in (0..n).filter(|&k| given[k] != 0.0) {
         change += match order {
             0 => (given[k] * truth[1 + k]).abs(),
-            1 => {
-                let own: Vec<f64> = (0..n).map(|j| unit(j, k)).collect();
-                given[k].abs() * norm(product(&own, sample)?)
-            }
             // The third derivative from differences of true values.
             _ => {
                 let step = libm::ldexp(1.0, -20);
                 let beside = |by: f64| {
                     let mut moved = given.to_vec();
                     moved[k] *= 1.0 + by;
-                    product(&sample.direction, &sample.moved(moved))
+                    let beside = derivatives(written, &sample.moved(moved), &sample.direction)?;
+                    Some(beside[1 + n..].to_vec())
                 };
                 let (right, left) = (beside(step)?, beside(-step)?);
                 norm(right.iter().zip(&left).map(|(x, y)| x - y)) / (2.0 * step)
@@ -100,14 +98,19 @@ fn change(
     Some(change)
 }
 
-/// How much dP changes when every component of its direction changes by its own size.
-fn change_of_direction(written: &WrittenGradientEnergy, sample: &Sample) -> Option<f64> {
-    let n = sample.direction.len();
+/// The sum over components of the norm of dP for that component alone, each times its size here: how much P
+/// changes where these are given components, dP where they are those of its direction.
+fn along_components(
+    written: &WrittenGradientEnergy,
+    sample: &Sample,
+    sizes: &[f64],
+) -> Option<f64> {
+    let n = sizes.len();
     let mut change = 0.0;
-    for k in 0..n {
+    for k in (0..n).filter(|&k| sizes[k] != 0.0) {
         let own: Vec<f64> = (0..n).map(|j| unit(j, k)).collect();
         let product = derivatives(written, sample, &own)?.split_off(1 + n);
-        change += sample.direction[k].abs() * norm(product);
+        change += sizes[k].abs() * norm(product);
     }
     Some(change)
 }

@@ -201,14 +201,17 @@ fn check_whole<'a>(
 /// What a name that may not be defined stands for where it is used is not what was meant there: `A = 2` is no
 /// area.
 fn drop_uses_of_refused_names(errors: &mut Vec<Diagnostic>) {
-    let quoted = |error: &Diagnostic, n: usize| {
-        error.message.split('`').skip(1).step_by(2).nth(n).map(str::to_lowercase)
-    };
+    let quoted = |error: &Diagnostic| error.message.split('`').nth(1).map(str::to_string);
     let refused = errors.iter().filter(|error| error.code == "reserved-name");
-    let refused: Vec<_> = refused.filter_map(|error| quoted(error, 0)).collect();
+    let refused: Vec<String> = refused.filter_map(quoted).collect();
     errors.retain(|error| {
-        let follows = matches!(error.code, "unknown-name" | "wrong-measure");
-        !follows || quoted(error, 0).is_none_or(|name| !refused.contains(&name))
+        let follows = |name: String| match error.code {
+            "unknown-name" => refused.contains(&name),
+            // Told of the measure, whose reference may be what was defined.
+            "wrong-measure" => refused.iter().any(|known| known.eq_ignore_ascii_case(&name)),
+            _ => false,
+        };
+        !quoted(error).is_some_and(follows)
     });
 }
 

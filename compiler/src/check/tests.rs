@@ -538,6 +538,9 @@ fn uses_of_refused_names_are_not_told() {
     ] {
         assert_eq!(codes(&format!("potential p\n{text}")), ["reserved-name"], "{text}");
     }
-    let other = codes("potential p\nA = 2\npsi(l) = A*x*(l - L)^2/L");
-    assert_eq!(other, ["reserved-name", "unknown-name"]);
+    for (text, other) in [("A = 2\npsi(l) = A*x*(l - L)^2/L", "x"), ("t = 2\npsi(l) = t*T*l", "T")]
+    {
+        let found = codes(&format!("potential p\n{text}"));
+        assert_eq!(found, ["reserved-name", "unknown-name"], "{other}");
+    }
 }

@@ -6,9 +6,10 @@ use crate::expression::interpret::Interpreter;
 use crate::expression::number::Number as _;
 use crate::expression::precise::Precise;
 use crate::expression::{Function, Input};
+use crate::kernel::{Batch, Mode};
 use crate::measure::Measure;
 use crate::simplify::Simplifier;
-use crate::specialise::{energy, known};
+use crate::specialise::{Form, energy, known};
 use crate::test_support::{model, values};
 use crate::verify::UNIT_ROUNDOFF;
 
@@ -194,4 +195,47 @@ fn kinks_have_a_form_on_either_side() {
     assert_eq!(n_forms("L*sqrt((l/L - 1)^2 + (l/L - 1)^4)"), 1);
     // Infinite at rest.
     assert_eq!(n_forms("L/abs(l/L - 1)"), 0);
+}
+
+/// psi, psi' and psi'' at strains, of a bond of length 1.
+fn found(text: &str, strains: &[f64]) -> [Vec<f64>; 3] {
+    let model = model(&format!("potential p\npsi(l) = {text}"));
+    let compiled = model.compile(&values(&model, 3, &[]), Mode::Interpreter, Form::Accurate);
+    let current: Vec<f64> = strains.iter().map(|e| 1.0 + e).collect();
+    let reference = vec![1.0; strains.len()];
+    let batch = Batch { measure: &current, reference: &reference, change: strains, fields: &[] };
+    let out = compiled.unwrap().kernels[0].derivatives(batch);
+    [out.psi, out.dpsi, out.d2psi]
+}
+
+/// psi'' of `f(abs(e))` with `f'(0) = 0` is `f''(0)`, at rest and on both sides of it.
+#[test]
+fn stiffness_at_rest_is_that_beside_it() {
+    let [_, force, stiffness] = found(
+        "((0.012 + abs(ln(l/L)))^1.25 - 0.012^1.25)/1.25 - 0.012^0.25*abs(ln(l/L))",
+        &[-1e-12, 0.0, 1e-12],
+    );
+    let expected = 0.25 * libm::pow(0.012, -0.75);
+    assert!(stiffness.iter().all(|x| (x / expected - 1.0).abs() < 1e-8), "{stiffness:?}");
+    assert_eq!(force[1], 0.0);
+}
+
+/// A product of factors whose first-order terms nearly cancel, in the buffered 14-7 potential.
+#[test]
+fn products_that_cancel_at_first_order_keep_their_digits() {
+    let text = "(1.07/(l/L + 0.07))^7*(1.12/((l/L)^7 + 0.12) - 2) + 1";
+    let strains = [1e-2, -1e-3, 3e-6, -1e-8, 1e-12];
+    let [psi, ..] = found(text, &strains);
+    let (source, root) = exact(text);
+    for (psi, strain) in psi.iter().zip(strains) {
+        let mut interpreter = Interpreter::<Precise<256>>::new();
+        interpreter.run(source.graph(), |input| match input {
+            Input::Current(_) => Precise::line(strain, 1.0, 1.0),
+            Input::Change(_) => Precise::variable(strain),
+            _ => Precise::variable(1.0),
+        });
+        let truth = interpreter.number(root).rounded()[0];
+        let error = (psi / truth - 1.0).abs() / UNIT_ROUNDOFF;
+        assert!(error < 64.0, "{error} u at {strain}");
+    }
 }

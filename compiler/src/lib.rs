@@ -57,8 +57,9 @@ pub use coupled::{CoupledBatch, CoupledKernel, MAX_VARIABLES};
 pub use density::DensityForm;
 pub use formula::{CompiledFormula, Formula};
 pub use gathered::{
-    FamilyBatch, FamilyKernel, GatheredBatch, GatheredCriterion, GatheredKernel, GatheredKernels,
-    GatheredNextState, Integrand, Slot, VectorKernels,
+    FamilyBatch, FamilyKernel, GatheredBatch, GatheredCriterion, GatheredForms, GatheredFunction,
+    GatheredFunctionKind, GatheredKernel, GatheredKernels, GatheredNextState, Integrand, Slot,
+    VectorKernels,
 };
 pub use kernel::{Batch, Derivatives, Kernel, Level, Mode, Order, Outputs, WrittenEnergy};
 pub use lint::{LINTS, Lint};

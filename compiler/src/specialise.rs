@@ -256,6 +256,27 @@ pub(crate) fn known(values: &Values) -> impl Fn(Input) -> Option<f64> {
     }
 }
 
+/// Values, or none for whoever leaves parameters and the horizon as symbols.
+#[derive(Clone, Copy)]
+pub(crate) struct Known<'a>(pub(crate) Option<&'a Values>);
+
+impl<'a> Known<'a> {
+    /// What is known of inputs.
+    pub(crate) fn fold(self) -> impl Fn(Input) -> Option<f64> + Copy + 'a {
+        move |input| self.0.and_then(|values| known(values)(input))
+    }
+
+    /// Whether values are given, and no horizon among them.
+    pub(crate) fn lacks_horizon(self) -> bool {
+        self.0.is_some_and(|values| values.horizon.is_nan())
+    }
+
+    /// The numbers of what varies.
+    pub(crate) fn fields(self) -> &'a [u16] {
+        self.0.map_or(&[], |values| &values.fields)
+    }
+}
+
 fn span_of(variant: &Variant, measure: Measure) -> Span {
     let energy = variant.energies.iter().find(|e| e.measure == measure);
     energy.map_or(Span::default(), |e| e.span)

@@ -38,8 +38,8 @@ pub(super) fn execute(arguments: &Compile) -> Exit {
         Err(exit) => return exit,
     };
     if !source.contains("\nvoid ") {
-        let help = "energies of gathered values need a body: `piola energy SCENE`, or the module of Python";
-        render::error("no energy of this potential is a function by itself", Some(help));
+        let help = "give parameters that leave something of it";
+        render::error("the parameters leave no energy of this potential", Some(help));
         return Exit::Input;
     }
     match write(arguments, &loaded, &values, &source) {
@@ -120,7 +120,7 @@ fn compiled(name: &str, source: &str, header: &str) -> Result<Vec<u8>, String> {
     bytes
 }
 
-/// Declarations of the functions of a C source, with the values that they hold.
+/// Declarations of the functions of a C source, with the comments before them and the values that they hold.
 fn c_header(loaded: &Loaded, values: &Values, source: &str) -> String {
     let model = &loaded.model;
     let guard = format!("PIOLA_{}_H", model.name().to_uppercase());
@@ -134,7 +134,12 @@ fn c_header(loaded: &Loaded, values: &Values, source: &str) -> String {
             \x20* reference: what they are at rest; change: (measure - reference)/reference, from displacements where\n\
             \x20* digits near rest count; gradient, change: deformation gradients F and F - I, component after component\n\
             \x20* of n places, row by row. Arrays have n elements each and do not overlap. Parameters have the values below,\n\
-            \x20* in SI units.\n */\n";
+            \x20* in SI units.\n";
+    if loaded.model.has_gathered_energy() {
+        out += " * integrand_1 times the volumes of neighbours is summed up over the family of a point, which gives I1, and so\n\
+                \x20* on; variables and given: as the comment at the function says, number after number of n places.\n";
+    }
+    out += " */\n";
     let _ = writeln!(out, "#ifndef {guard}\n#define {guard}\n\n#include <stddef.h>\n");
     let name = model.name().to_uppercase();
     let _ = writeln!(out, "#define {name}_DIMENSION {}", values.dimension);
@@ -149,10 +154,14 @@ fn c_header(loaded: &Loaded, values: &Values, source: &str) -> String {
         let _ = writeln!(out, "#define {name}_{} {value:?} /* {unit} */", parameter.name);
     }
     out += "\n#ifdef __cplusplus\nextern \"C\" {\n#endif\n";
-    for function in source.split("\nvoid ").skip(1) {
-        if let Some((prototype, _)) = function.split_once(" {\n") {
-            let _ = write!(out, "\nvoid {prototype};\n");
+    let mut before = "";
+    for function in source.split("\nvoid ") {
+        if let Some((prototype, _)) = function.split_once(" {\n").filter(|_| !before.is_empty()) {
+            let comment = before.ends_with("*/").then(|| before.rfind("/*")).flatten();
+            let comment = comment.map_or(String::new(), |at| format!("{}\n", &before[at..]));
+            let _ = write!(out, "\n{comment}void {prototype};\n");
         }
+        before = function;
     }
     out += "\n#ifdef __cplusplus\n}\n#endif\n\n#endif\n";
     out

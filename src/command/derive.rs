@@ -8,8 +8,8 @@ use piola_compiler::point::gradient_listing;
 use piola_compiler::rewrite::{self, Explanation, Side};
 use piola_compiler::simplify::Rule;
 use piola_compiler::{
-    Argument, BondFunction, BondFunctionKind, CompileError, Form, GradientEnergyForms,
-    GradientFunction, Measure, Model, Specialised, Values, print,
+    Argument, BondFunction, BondFunctionKind, CompileError, Form, GatheredForms,
+    GradientEnergyForms, GradientFunction, Measure, Model, OfFamily, Specialised, Values, print,
 };
 
 use piola_runtime::output::decimal;
@@ -41,8 +41,8 @@ pub(super) fn execute(arguments: &Derive) -> Exit {
         }
         _ => {}
     }
-    if loaded.model.has_gathered_energy() {
-        console::note("derivatives of energies of gathered values are not printed");
+    if loaded.model.has_gathered_energy() && arguments.explain {
+        console::note("energies of gathered values are not explained: see `piola verify`");
     }
     if !loaded.model.coupled().is_empty() && arguments.explain {
         console::note("energies of several measures are not explained: see `piola verify`");
@@ -74,19 +74,29 @@ pub(super) fn text(loaded: &Loaded, dimension: usize, arguments: &Derive) -> Res
     let gradient = made(loaded, specialise_gradient(loaded, dimension, arguments))?;
     let coupled = made(loaded, coupled(loaded, dimension, arguments))?;
     let of_bonds = made(loaded, of_bonds(loaded, dimension, arguments))?;
-    let others = (gradient.as_ref(), &coupled[..], (&of_bonds.0[..], &of_bonds.1[..]));
+    let gathered = made(loaded, gathered(loaded, dimension, arguments))?;
+    for dropped in &gathered.dropped {
+        console::note(&dropped.reason);
+    }
+    let functions = (&of_bonds.0[..], &of_bonds.1[..]);
+    let others = Others { gradient: gradient.as_ref(), coupled: &coupled, functions, gathered };
     made(loaded, Some(emit(loaded, &specialised, others, arguments)))
 }
 
-/// With parameters as symbols where that can be printed and no value is given.
+/// Whether parameters are printed as symbols: where that can be and no value is given.
+fn stays_symbolic(arguments: &Derive) -> Option<bool> {
+    let settings = potential::settings(&arguments.inputs)?;
+    let can_be = matches!(arguments.emit, Emit::Text | Emit::Latex | Emit::Graph);
+    Some(can_be && settings.is_empty() && arguments.inputs.delta.is_none())
+}
+
+/// With parameters as symbols, or with values.
 fn specialise(
     loaded: &Loaded,
     dimension: usize,
     arguments: &Derive,
 ) -> Option<Result<Specialised, CompileError>> {
-    let settings = potential::settings(&arguments.inputs)?;
-    let symbols_allowed = matches!(arguments.emit, Emit::Text | Emit::Latex | Emit::Graph);
-    if symbols_allowed && settings.is_empty() && arguments.inputs.delta.is_none() {
+    if stays_symbolic(arguments)? {
         return Some(loaded.model.symbolic(dimension));
     }
     let values = filled_values(loaded, dimension, arguments)?;
@@ -99,9 +109,7 @@ fn specialise_gradient(
     dimension: usize,
     arguments: &Derive,
 ) -> Option<Result<Option<GradientEnergyForms>, CompileError>> {
-    let settings = potential::settings(&arguments.inputs)?;
-    let symbols_allowed = matches!(arguments.emit, Emit::Text | Emit::Latex | Emit::Graph);
-    if symbols_allowed && settings.is_empty() && arguments.inputs.delta.is_none() {
+    if stays_symbolic(arguments)? {
         return Some(loaded.model.symbolic_gradient(dimension));
     }
     let values = filled_values(loaded, dimension, arguments)?;
@@ -119,15 +127,12 @@ fn coupled(
     arguments: &Derive,
 ) -> Option<Result<Vec<(Measure, CoupledForm)>, CompileError>> {
     let (model, mut found) = (&loaded.model, Vec::new());
-    let settings = potential::settings(&arguments.inputs)?;
-    let symbols_allowed = matches!(arguments.emit, Emit::Text | Emit::Latex | Emit::Graph);
-    let is_symbolic = symbols_allowed && settings.is_empty() && arguments.inputs.delta.is_none();
+    let values = values_unless_symbols(loaded, dimension, arguments)?;
     for clique in model.coupled() {
-        let made = match is_symbolic {
-            true => model.symbolic_coupled(dimension, clique),
-            false => {
-                let (values, _) = all_values(loaded, dimension, arguments)?;
-                let made = model.specialise_coupled(&values, clique, Form::Accurate);
+        let made = match &values {
+            None => model.symbolic_coupled(dimension, clique),
+            Some(values) => {
+                let made = model.specialise_coupled(values, clique, Form::Accurate);
                 made.map(|(form, dropped)| {
                     dropped.iter().for_each(|dropped| console::note(&dropped.reason));
                     form
@@ -150,18 +155,34 @@ fn of_bonds(
     dimension: usize,
     arguments: &Derive,
 ) -> Option<Result<OfBonds, CompileError>> {
-    let settings = potential::settings(&arguments.inputs)?;
-    let symbols_allowed = matches!(arguments.emit, Emit::Text | Emit::Latex | Emit::Graph);
-    let has_symbols = symbols_allowed && settings.is_empty() && arguments.inputs.delta.is_none();
-    let values = match has_symbols {
-        true => None,
-        false => Some(all_values(loaded, dimension, arguments)?.0),
-    };
+    let values = values_unless_symbols(loaded, dimension, arguments)?;
     let made = || {
         let functions = loaded.model.bond_functions(dimension, values.as_ref())?;
         Ok((functions, loaded.model.gradient_functions(dimension, values.as_ref())?))
     };
     Some(made())
+}
+
+/// What points gather, with all that depends on it.
+fn gathered(
+    loaded: &Loaded,
+    dimension: usize,
+    arguments: &Derive,
+) -> Option<Result<GatheredForms, CompileError>> {
+    let values = values_unless_symbols(loaded, dimension, arguments)?;
+    Some(loaded.model.gathered_forms(dimension, values.as_ref()))
+}
+
+/// Values for every parameter; none where parameters can stay symbols and no value is given.
+fn values_unless_symbols(
+    loaded: &Loaded,
+    dimension: usize,
+    arguments: &Derive,
+) -> Option<Option<Values>> {
+    if stays_symbolic(arguments)? {
+        return Some(None);
+    }
+    Some(Some(all_values(loaded, dimension, arguments)?.0))
 }
 
 /// Values for every parameter: 1 for want of one, which is said.
@@ -308,16 +329,17 @@ fn explanation(e: &Explanation) -> String {
 }
 
 /// What there is beside energies of one measure.
-type Others<'a> = (
-    Option<&'a GradientEnergyForms>,
-    &'a [(Measure, CoupledForm)],
-    (&'a [BondFunction], &'a [GradientFunction]),
-);
+struct Others<'a> {
+    gradient: Option<&'a GradientEnergyForms>,
+    coupled: &'a [(Measure, CoupledForm)],
+    functions: (&'a [BondFunction], &'a [GradientFunction]),
+    gathered: GatheredForms,
+}
 
 fn emit(
     loaded: &Loaded,
     specialised: &Specialised,
-    (gradient, coupled, (of_bonds, conditions)): Others<'_>,
+    Others { gradient, coupled, functions: (of_bonds, conditions), gathered }: Others<'_>,
     arguments: &Derive,
 ) -> Result<String, CompileError> {
     let model = &loaded.model;
@@ -327,7 +349,8 @@ fn emit(
         let several = coupled.iter().map(|(clique, form)| print::coupled_c(model, *clique, form));
         let all = std::iter::once(first).chain(several).collect::<Vec<_>>().join("\n");
         let of_bonds = print::c_of_bonds(model, of_bonds);
-        return Ok(all + &of_bonds + &print::c_of_gradient_functions(model, conditions));
+        let of_gradients = print::c_of_gradient_functions(model, conditions);
+        return Ok(all + &of_bonds + &of_gradients + &print::gathered_c(model, &gathered));
     }
     let mut parts = Vec::new();
     for energy in &specialised.energies {
@@ -343,9 +366,11 @@ fn emit(
     }
     let evolution = match arguments.emit {
         Emit::Text => {
-            let breaks = model.family_breaks().iter();
+            let is_of_gradients = |of: OfFamily| of == OfFamily::Gradient;
+            let breaks = model.family_breaks().iter().filter(|one| is_of_gradients(one.of));
             let breaks = breaks.map(|one| format!("break when {}\n", one.text));
-            let updates = model.family_updates().iter().map(|one| {
+            let updates = model.family_updates().iter().filter(|one| is_of_gradients(one.of));
+            let updates = updates.map(|one| {
                 let name = &model.parameters()[one.state].name;
                 format!("update {name} = {}\n", one.text)
             });
@@ -379,7 +404,35 @@ fn emit(
             _ => parts.push(print::coupled_text(model, *clique, form)),
         }
     }
+    if !gathered.functions.is_empty() {
+        parts.extend(gathered_parts(model, &gathered, arguments)?);
+    }
     Ok(parts.join("\n"))
+}
+
+fn gathered_parts(
+    model: &Model,
+    gathered: &GatheredForms,
+    arguments: &Derive,
+) -> Result<Vec<String>, CompileError> {
+    let level = arguments.level.into();
+    let listings = || {
+        let integrands = gathered.integrands.iter();
+        let mut all = integrands
+            .map(|energy| CompiledKernel::listing(energy, level))
+            .collect::<Result<Vec<_>, _>>()?;
+        for function in &gathered.functions {
+            all.extend(function.form.listings(level)?);
+        }
+        Ok(all.into_iter())
+    };
+    Ok(match arguments.emit {
+        Emit::Latex => vec![print::gathered_latex(model, gathered)],
+        Emit::Graph => vec![print::gathered_listing(model, gathered)],
+        Emit::Clif => listings()?.map(|listing| listing.clif).collect(),
+        Emit::Asm => listings()?.map(|listing| listing.assembly).collect(),
+        _ => vec![print::gathered_text(model, gathered)],
+    })
 }
 
 /// A condition, or what a state becomes, as it is written; what is dissipated with its derivatives.

@@ -94,13 +94,34 @@ fn a_c_program_has_the_numbers_of_the_strict_kernels() {
 }
 
 #[test]
+fn a_header_says_what_functions_of_gathered_values_take() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().to_str().unwrap();
+    let values = ["--set", "K=1", "--set", "G=1"];
+    piola(&[&["compile", "linear_peridynamic_solid", "--out", out], &values[..]].concat())
+        .expect(0)
+        .says(&["linear_peridynamic_solid.c"]);
+    let header = folder.path().join("linear_peridynamic_solid.h");
+    let header = std::fs::read_to_string(header).unwrap();
+    for line in [
+        "/* I1 is the sum of V_j f: integral(w*L^2) */\nvoid linear_peridynamic_solid_integrand_1(",
+        " * variables: I1, I2 */\nvoid linear_peridynamic_solid_points(",
+        " * variables: l, I1, I2; given: L, (l/L - 1) */\nvoid linear_peridynamic_solid_bonds(",
+    ] {
+        assert!(header.contains(line), "{line}\n{header}");
+    }
+}
+
+#[test]
 fn what_cannot_be_compiled_says_why() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("new").display().to_string();
     let told = |words: &[&str], says: &str| {
         piola(&[&["compile", "--out", &out], words].concat()).expect(2).says(&[says]);
     };
-    told(&["linear_peridynamic_solid", "--set", "K=1", "--set", "G=1"], "need a body");
+    let nothing = folder.path().join("nothing.piola").display().to_string();
+    std::fs::write(&nothing, "potential nothing\nparameter k = 0\npsi(l) = k*(l - L)^2\n").unwrap();
+    told(&[&nothing], "leave no energy");
     told(&["gent"], "missing-parameter");
     told(&["gnt"], "did you mean `gent`");
     assert!(!Path::new(&out).exists());

@@ -3,13 +3,12 @@
 
 use piola_grammar::Span;
 
-use super::Subject;
 use super::kernel::{GatheredKernel, WrittenGatheredEnergy};
 use crate::breaking::{FamilyCriterion, FamilyNextState};
 use crate::expression::NodeId;
 use crate::kernel::Mode;
 use crate::model::{Break, Model, OfFamily, Update, Variant};
-use crate::specialise::{CompileError, Form, Named};
+use crate::specialise::{CompileError, Form, Known};
 use crate::values::Values;
 use crate::written::Written;
 
@@ -80,10 +79,8 @@ impl Model {
         values: &Values,
         (mode, form): (Mode, Form),
     ) -> Result<(GatheredKernel, WrittenGatheredEnergy), CompileError> {
-        let named = Named { argument: if of_bonds { "l" } else { "integral" }, span };
-        let subject = Subject { variant, of_bonds, roots: &[root], is_kept: true };
-        let (made, _) = self.gathered_form(subject, named, values, form)?;
-        let made = made.ok_or(CompileError::WrongDimension(values.dimension))?;
+        let of = (variant, of_bonds);
+        let made = self.margin_or_next(of, (root, span), Known(Some(values)), form)?;
         let energy = Written::new(&variant.graph, &[root], values);
         let n_integrals = variant.integrals.len();
         let written = WrittenGatheredEnergy { energy, of_bonds, n_integrals };

@@ -6,6 +6,7 @@
 //! each as machine code over arrays.
 
 pub(crate) mod family;
+pub(crate) mod forms;
 mod functions;
 mod kernel;
 mod near;
@@ -13,6 +14,7 @@ pub(crate) mod vectors;
 
 pub(crate) use family::WrittenFamily;
 pub use family::{FamilyBatch, FamilyKernel, Slot};
+pub use forms::{GatheredForms, GatheredFunction, GatheredFunctionKind};
 pub use functions::{GatheredCriterion, GatheredNextState};
 pub use kernel::{GatheredBatch, GatheredKernel, WrittenGatheredEnergy};
 pub use vectors::VectorKernels;
@@ -29,7 +31,7 @@ use crate::point::near::near_of_vanishing;
 use crate::rewrite::{expand, rewrite};
 use crate::simplify::Simplifier;
 use crate::specialise::{
-    CompileError, Dropped, Form, Named, ScalarEnergy, folded, known, of_measure, or_zero, sum_in,
+    CompileError, Dropped, Form, Known, Named, ScalarEnergy, folded, of_measure, or_zero, sum_in,
 };
 use crate::values::Values;
 use crate::written::Written;
@@ -166,12 +168,22 @@ impl Model {
     ) -> Result<(Option<DensityForm>, Vec<Dropped>), CompileError> {
         let variant =
             self.variant(values.dimension).ok_or(CompileError::WrongDimension(values.dimension))?;
+        self.energies_of_gathered((variant, of_bonds), Known(Some(values)), which)
+    }
+
+    /// The same of a variant, with parameters as symbols where there are no values.
+    fn energies_of_gathered(
+        &self,
+        (variant, of_bonds): (&Variant, bool),
+        known: Known<'_>,
+        which: Form,
+    ) -> Result<(Option<DensityForm>, Vec<Dropped>), CompileError> {
         let roots: Vec<NodeId> = energies(variant, of_bonds).map(|energy| energy.root).collect();
         let Some(first) = energies(variant, of_bonds).next() else { return Ok((None, Vec::new())) };
         let argument = argument(variant, of_bonds);
         let named = Named { argument: &argument, span: first.span };
         let subject = Subject { variant, of_bonds, roots: &roots, is_kept: false };
-        self.gathered_form(subject, named, values, which)
+        self.gathered_form(subject, named, known, which)
     }
 
     /// The sum of some functions of gathered values, and of lengths or not.
@@ -179,13 +191,13 @@ impl Model {
         &self,
         Subject { variant, of_bonds, roots, is_kept }: Subject<'_>,
         named: Named<'_>,
-        values: &Values,
+        known: Known<'_>,
         which: Form,
     ) -> Result<(Option<DensityForm>, Vec<Dropped>), CompileError> {
-        named.has_horizon(&variant.graph, roots, values.horizon.is_nan())?;
+        named.has_horizon(&variant.graph, roots, known.lacks_horizon())?;
         let kind = (of_bonds, variant.integrals.len());
         let mut dropped = Vec::new();
-        let fold = known(values);
+        let fold = known.fold();
         let vanishing = match which {
             Form::Accurate => Some(named.made(self.vanishing(variant, &fold))?),
             Form::Textbook => None,
@@ -193,7 +205,7 @@ impl Model {
         let (exact, subject) = (Simplifier::exact(), (named.argument, roots));
         let made = sum_in(exact, &variant.graph, &self.parameters, subject, &fold, &mut dropped)
             .and_then(|energy| {
-                let fields = &values.fields;
+                let fields = known.fields();
                 let made = |(graph, psi)| form(&graph, psi, kind, vanishing.as_deref(), fields);
                 let energy = if is_kept { Some(or_zero(energy)?) } else { energy };
                 energy.map(made).transpose()

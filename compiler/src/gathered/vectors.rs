@@ -17,7 +17,7 @@ use crate::point::adjoint::{self, Varied};
 use crate::point::near::near_of_vanishing;
 use crate::simplify::Simplifier;
 use crate::specialise::{
-    CompileError, Dropped, Form, Named, folded, known, substituted_into, sum_in,
+    CompileError, Dropped, Form, Known, Named, folded, substituted_into, sum_in,
 };
 use crate::values::Values;
 use crate::written::Written;
@@ -139,7 +139,7 @@ impl Model {
 
     /// One of the functions of a potential of vectors for these values, if something is left of it; and what is
     /// left out.
-    pub(crate) fn specialise_vectors(
+    fn specialise_vectors(
         &self,
         values: &Values,
         which: Which,
@@ -147,6 +147,16 @@ impl Model {
     ) -> Result<(Option<Made>, Vec<Dropped>), CompileError> {
         let variant =
             self.variant(values.dimension).ok_or(CompileError::WrongDimension(values.dimension))?;
+        self.function_of_vectors((variant, which), Known(Some(values)), form)
+    }
+
+    /// The same of a variant, with parameters as symbols where there are no values.
+    pub(super) fn function_of_vectors(
+        &self,
+        (variant, which): (&Variant, Which),
+        known: Known<'_>,
+        form: Form,
+    ) -> Result<(Option<Made>, Vec<Dropped>), CompileError> {
         let of_energies = argument(variant, which == Which::Bonds);
         let (argument, span, roots) = match which {
             Which::Points | Which::Bonds => {
@@ -163,15 +173,15 @@ impl Model {
         };
         let Some(span) = span else { return Ok((None, Vec::new())) };
         let named = Named { argument, span };
-        named.has_horizon(&variant.graph, &roots, values.horizon.is_nan())?;
+        named.has_horizon(&variant.graph, &roots, known.lacks_horizon())?;
         let mut dropped = Vec::new();
         let made = match which {
             Which::Points | Which::Bonds => {
                 let subject = (argument, &*roots);
-                self.energy_of_vectors(variant, values, (which, subject), form, &mut dropped)
+                self.energy_of_vectors(variant, known, (which, subject), form, &mut dropped)
             }
             Which::Integrands | Which::Functions => {
-                self.multiplied(variant, values, which, form).map(Some)
+                self.multiplied(variant, known, which, form).map(Some)
             }
         };
         let made = named.made(made)?;
@@ -183,12 +193,12 @@ impl Model {
     fn energy_of_vectors(
         &self,
         variant: &Variant,
-        values: &Values,
+        known: Known<'_>,
         (which, subject): (Which, (&str, &[NodeId])),
         form: Form,
         dropped: &mut Vec<Dropped>,
     ) -> Result<Option<Made>, TooManyNodes> {
-        let (exact, fold) = (Simplifier::exact(), known(values));
+        let (exact, fold) = (Simplifier::exact(), known.fold());
         let sum = sum_in(exact, &variant.graph, &self.parameters, subject, &fold, dropped)?;
         let Some((exact, root)) = sum else { return Ok(None) };
         let (graph, place) = folded(exact.graph(), &[root])?;
@@ -196,10 +206,16 @@ impl Model {
         let (graph, roots) = self.digits((variant, &fold), graph, roots, form)?;
         let changes = changing(variant);
         let is_of_bonds = which == Which::Bonds;
-        let made = self.made((graph, roots[0]), values, is_of_bonds, |slot| match slot {
-            Slot::Own(k) | Slot::Neighbour(k) => changes[k],
-            _ => false,
-        });
+        let made =
+            self.made(
+                (graph, roots[0]),
+                (variant.dimension, known),
+                is_of_bonds,
+                |slot| match slot {
+                    Slot::Own(k) | Slot::Neighbour(k) => changes[k],
+                    _ => false,
+                },
+            );
         made.map(Some)
     }
 
@@ -207,11 +223,11 @@ impl Model {
     fn multiplied(
         &self,
         variant: &Variant,
-        values: &Values,
+        known: Known<'_>,
         which: Which,
         form: Form,
     ) -> Result<Made, TooManyNodes> {
-        let (mut graph, fold) = (Simplifier::new(), known(values));
+        let (mut graph, fold) = (Simplifier::new(), known.fold());
         let own = numbers(variant, which == Which::Functions);
         let mut roots: Vec<NodeId> = Vec::new();
         for k in &own {
@@ -242,7 +258,7 @@ impl Model {
         let sum = sum.map_or_else(|| graph.number(0.0), Ok)?;
         let changes = changing(variant);
         let is_of_bonds = which == Which::Integrands;
-        self.made((graph, sum), values, is_of_bonds, |slot| match slot {
+        self.made((graph, sum), (variant.dimension, known), is_of_bonds, |slot| match slot {
             Slot::Own(k) => changes[k],
             _ => true,
         })
@@ -281,11 +297,11 @@ impl Model {
     fn made(
         &self,
         (graph, root): (Simplifier, NodeId),
-        values: &Values,
+        (dimension, known): (usize, Known<'_>),
         is_of_bonds: bool,
         varies: impl Fn(Slot) -> bool,
     ) -> Result<Made, TooManyNodes> {
-        let bond = Bond { first: self.parameters().len() as u16, values };
+        let bond = Bond { first: self.parameters().len() as u16, dimension, known };
         let (mut graph, roots) = substituted(&graph, &[root], |graph, input| match input {
             Input::Current(Measure::Length) => bond.length(graph),
             Input::Change(Measure::Length) => bond.change(graph),
@@ -293,7 +309,7 @@ impl Model {
         })?;
         let held = held(graph.graph(), roots[0]);
         let (varying, steady): (Vec<Slot>, Vec<Slot>) = held.into_iter().partition(|s| varies(*s));
-        let moved = (0..values.dimension).filter(|_| is_of_bonds).map(Slot::Moved);
+        let moved = (0..dimension).filter(|_| is_of_bonds).map(Slot::Moved);
         let variables: Vec<Slot> = moved.chain(varying).collect();
         let length = is_of_bonds.then_some(Slot::Length);
         let mut given: Vec<Slot> = length.into_iter().chain(steady).collect();
@@ -309,7 +325,7 @@ impl Model {
         let directions = (0..variables.len() as u8).map(Input::Direction);
         let given_inputs = given.iter().map(|slot| slot.input());
         let inputs = inputs.iter().copied().chain(given_inputs).chain(directions).collect();
-        let form = DensityForm::new(graph, &roots, inputs, &values.fields);
+        let form = DensityForm::new(graph, &roots, inputs, known.fields());
         Ok(Made { form, variables, given })
     }
 
@@ -369,7 +385,8 @@ fn held(graph: &ExprGraph, root: NodeId) -> Vec<Slot> {
 /// The vector of a bond, by the number of the first component of its direction at rest.
 struct Bond<'a> {
     first: u16,
-    values: &'a Values,
+    dimension: usize,
+    known: Known<'a>,
 }
 
 impl Bond<'_> {
@@ -377,15 +394,15 @@ impl Bond<'_> {
     fn components(&self, graph: &mut Simplifier) -> Result<Vec<[NodeId; 2]>, TooManyNodes> {
         let length = graph.input(Input::Reference(Measure::Length))?;
         let component = |axis: usize| {
-            let number = self.first + axis as u16;
-            let unit = match self.values.fields.contains(&number) {
-                true => graph.input(Input::Parameter(number))?,
-                false => graph.number(self.values.parameters[usize::from(number)])?,
+            let unit = Input::Parameter(self.first + axis as u16);
+            let unit = match self.known.fold()(unit) {
+                Some(value) => graph.number(value)?,
+                None => graph.input(unit)?,
             };
             let rest = graph.multiply(unit, length)?;
             Ok([rest, graph.input(Input::Part(Part::Moved(axis as u8)))?])
         };
-        (0..self.values.dimension).map(component).collect()
+        (0..self.dimension).map(component).collect()
     }
 
     /// `l`, the root of the squares of `Xi + (xi - Xi)`.

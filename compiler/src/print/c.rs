@@ -80,7 +80,7 @@ fn function(out: &mut String, model: &Model, energy: &ScalarEnergy) {
 /// A function over arrays of bonds, or of other interactions, with one array for each result. States are
 /// arrays, too, all of their kind that the values have if the function takes any, and the time step is a
 /// number.
-fn array_function(
+pub(super) fn array_function(
     out: &mut String,
     model: &Model,
     name: &str,
@@ -125,7 +125,7 @@ fn array_function(
 }
 
 /// What C calls a state, or a component of the direction of a bond.
-fn state(model: &Model, number: u16) -> String {
+pub(super) fn state(model: &Model, number: u16) -> String {
     match model.directions(DIRECTIONS).position(|own| own == number) {
         Some(axis) => format!("direction_{}", axis + 1),
         None => format!("state_{}", model.input_name(usize::from(number))),

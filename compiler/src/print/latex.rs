@@ -89,6 +89,11 @@ impl Latex<'_> {
 }
 
 impl Latex<'_> {
+    /// What the other end of a bond gathers.
+    pub(super) fn neighbour(k: u8) -> String {
+        format!("I'_{{{}}}", k + 1)
+    }
+
     /// A measure of an interaction, or a component of `xi - Xi`.
     pub(super) fn part(part: Part) -> String {
         match part {
@@ -129,6 +134,7 @@ impl Notation for Latex<'_> {
                 Piece::atom(format!(r"(\Xi_{{{axis}}}/L)"))
             }
             Input::Part(part @ Part::Moved(_)) => Piece::atom(Self::part(part)),
+            Input::Neighbour(k) => Piece::atom(Self::neighbour(k)),
             other => Piece::atom(Self::symbol(&self.names.input(other))),
         }
     }

@@ -5,6 +5,9 @@
 
 mod c;
 mod coupled;
+mod gathered;
+#[cfg(test)]
+mod gathered_tests;
 mod gradient;
 mod latex;
 mod listing;
@@ -18,6 +21,7 @@ mod text;
 
 pub use c::{c_of_bonds, c_of_gradient_functions, c_source};
 pub use coupled::{coupled_c, coupled_latex, coupled_listing, coupled_text};
+pub use gathered::{gathered_c, gathered_latex, gathered_listing, gathered_text};
 pub use gradient::{gradient_latex, gradient_listing, gradient_text, latex_of_gradient_functions};
 pub use latex::{latex, latex_of_bonds};
 pub use listing::{graph_listing, model_listing};

@@ -7,6 +7,7 @@ mod library;
 mod machine;
 
 mod bonds;
+mod gathered;
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};

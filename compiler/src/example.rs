@@ -34,7 +34,13 @@ impl Model {
         let dropped = |settings: &[(String, Setting)]| {
             let values = self.values(dimension, settings, horizon).ok()?;
             let gradient = self.specialise_gradient(&values, Form::Textbook).ok()?.1;
-            Some(self.specialise(&values).ok()?.dropped.len() + gradient.len())
+            let coupled = self.coupled().into_iter().map(|clique| {
+                let made = self.specialise_coupled(&values, clique, Form::Textbook).ok()?;
+                Some(made.1.len())
+            });
+            let coupled: usize = coupled.sum::<Option<usize>>()?;
+            let gathered = self.dropped_of_gathered(&values).ok()?;
+            Some(self.specialise(&values).ok()?.dropped.len() + gradient.len() + coupled + gathered)
         };
         let Some(variant) = self.variant(dimension) else { return Vec::new() };
         let mut switched = Vec::new();

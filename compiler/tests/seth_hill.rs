@@ -75,7 +75,9 @@ fn worst(model: &Model, n: f64, (form, level): (Form, Level), bar: f64) -> Worst
     let (audits, _) = audit(model, &values(model, n), &settings).unwrap();
     let of_bonds = [Argument::Measure(Measure::Length), Argument::Square(Measure::Length)];
     let mut worst = Worst { raw: [0.0; 3], at_zeros: [0.0; 3], left: [0.0; 3] };
-    for audit in audits.iter().filter(|audit| of_bonds.contains(&audit.argument)) {
+    for audit in
+        audits.iter().filter(|audit| audit.argument.is_some_and(|own| of_bonds.contains(&own)))
+    {
         for regime in &audit.regimes {
             let at_zeros = regime.name.starts_with("zeros");
             let raw = if at_zeros { &mut worst.at_zeros } else { &mut worst.raw };

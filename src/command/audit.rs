@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use piola_compiler::audit::{Audit, Place, Regime, Settings, audit, functions};
+use piola_compiler::audit::{Audit, Place, Regime, Settings, audit, functions, several};
 use piola_compiler::{Argument, Form};
 use piola_runtime::output::atomic::write_atomically;
 use piola_runtime::output::decimal;
@@ -25,12 +25,6 @@ pub(super) fn execute(arguments: &cli::Audit) -> Exit {
     let Some(values) = potential::every_energy(model, arguments.dim, inputs, "audited") else {
         return Exit::Input;
     };
-    if model.has_gathered_energy() {
-        console::note("energies of gathered values are not audited: see `piola verify`");
-    }
-    if !model.coupled().is_empty() {
-        console::note("energies of several measures are not audited: see `piola verify`");
-    }
     let form = if arguments.textbook { Form::Textbook } else { Form::Accurate };
     let settings = Settings {
         form,
@@ -39,6 +33,7 @@ pub(super) fn execute(arguments: &cli::Audit) -> Exit {
         bar: arguments.bar,
     };
     let found = audit(model, &values, &settings).and_then(|(mut audits, dropped)| {
+        audits.extend(several(model, &values, &settings)?);
         audits.extend(functions(model, &values, &settings)?);
         Ok((audits, dropped))
     });
@@ -75,11 +70,13 @@ fn passes(worst: &[f64; 3], bar: f64) -> bool {
 fn human(audits: &[Audit], bar: f64) -> String {
     let mut out = String::new();
     for audit in audits {
-        let (symbol, orders) = (audit.argument.symbol(), audit.orders());
+        let (symbol, orders) = (audit.symbol(), audit.orders());
         let n = audit.n_orders();
-        let of = if audit.argument == Argument::Gradient { "norm" } else { "value" };
+        let is_of_measure =
+            matches!(audit.argument, Some(Argument::Measure(_) | Argument::Square(_)));
+        let of = if is_of_measure { "value" } else { "norm" };
         let width = audit.regimes.iter().map(|regime| regime.name.len()).fold(16, usize::max);
-        if let Argument::Square(measure) = audit.argument {
+        if let Some(Argument::Square(measure)) = audit.argument {
             let m = measure.symbol();
             let _ =
                 writeln!(out, "psi({m}) runs as a function of {symbol}, with derivatives by it:");
@@ -118,12 +115,13 @@ pub(super) fn units(error: f64) -> String {
 fn input(audit: &Audit, regime: &Regime, order: usize) -> String {
     match &regime.at[order] {
         Some(Place::Interaction(point)) => {
-            let (Argument::Measure(measure) | Argument::Square(measure)) = audit.argument else {
+            let Some(Argument::Measure(measure) | Argument::Square(measure)) = audit.argument
+            else {
                 return String::new();
             };
             format!(
                 "{} = {}, {} = {}",
-                audit.argument.symbol(),
+                audit.symbol(),
                 decimal(point.measure),
                 measure.reference_symbol(),
                 decimal(point.reference)
@@ -133,6 +131,10 @@ fn input(audit: &Audit, regime: &Regime, order: usize) -> String {
             format!("F - I = ({})", listed(change, ", "))
         }
         Some(Place::Gradient { gradient, .. }) => format!("F = ({})", listed(gradient, ", ")),
+        Some(Place::Several(numbers)) => {
+            let one = |(name, x): &(String, f64)| format!("{name} = {}", decimal(*x));
+            numbers.iter().map(one).collect::<Vec<_>>().join(", ")
+        }
         None => String::new(),
     }
 }
@@ -144,7 +146,7 @@ fn listed(numbers: &[f64], separator: &str) -> String {
 /// The measure of an energy; of anything else what it is, in quotes.
 fn measure(audit: &Audit) -> String {
     match audit.function {
-        None => audit.argument.symbol().to_string(),
+        None => audit.symbol().to_string(),
         Some(_) => format!("\"{}\"", audit.title().replace('"', "\"\"")),
     }
 }
@@ -161,6 +163,10 @@ fn csv(audits: &[Audit]) -> String {
                     }
                     Some(Place::Gradient { gradient, change, .. }) => {
                         [listed(gradient, " "), String::new(), listed(change, " ")]
+                    }
+                    Some(Place::Several(numbers)) => {
+                        let numbers: Vec<f64> = numbers.iter().map(|(_, x)| *x).collect();
+                        [listed(&numbers, " "), String::new(), String::new()]
                     }
                     None => [const { String::new() }; 3],
                 };
@@ -186,6 +192,10 @@ fn json_lines(file: &str, dimension: usize, audits: &[Audit], bar: f64) -> Strin
     let at = |place: &Option<Place>| match place {
         Some(Place::Interaction(point)) => json!([point.measure, point.reference]),
         Some(Place::Gradient { gradient, change, .. }) => json!({ "F": gradient, "F-I": change }),
+        Some(Place::Several(numbers)) => {
+            let number = |(name, x): &(String, f64)| (name.clone(), json!(x));
+            Value::Object(numbers.iter().map(number).collect())
+        }
         None => Value::Null,
     };
     let regime = |regime: &Regime| {
@@ -202,7 +212,7 @@ fn json_lines(file: &str, dimension: usize, audits: &[Audit], bar: f64) -> Strin
         let line = json!({
             "file": file,
             "dimension": dimension,
-            "measure": audit.argument.symbol(),
+            "measure": audit.symbol(),
             "subject": audit.title(),
             "bar": bar,
             "passed": passes(&audit.worst(), bar),

@@ -6,7 +6,7 @@ use std::path::Path;
 use piola_compiler::audit::{Audit, Settings, audit};
 use piola_compiler::{Argument, Form, Level, Measure, Mode, Values};
 use piola_runtime::case::Case;
-use piola_runtime::element::cost::{self, CostError, EnergyCost, WayCost};
+use piola_runtime::element::cost::{self, CostError, EnergyCost, SeveralCost, WayCost};
 use piola_runtime::output::summary::PhaseClock;
 use piola_runtime::simulation::{self, MotionCost, SceneCost};
 use serde_json::{Value, json};
@@ -27,7 +27,7 @@ const fn settings(level: Level) -> Settings {
     Settings { form: Form::Accurate, level, points: 4, bar: 64.0 }
 }
 
-/// The audits of each accuracy level.
+/// The audits of each accuracy level; of what is no energy of one argument none.
 type Audits = Vec<(Level, Vec<Audit>)>;
 
 pub(super) fn execute(arguments: &Bench) -> Exit {
@@ -47,9 +47,6 @@ fn of_potential(name: &str, arguments: &Bench) -> Exit {
     let model = &loaded.model;
     let values = potential::every_energy(model, arguments.dim, &arguments.inputs, "timed");
     let Some(values) = values else { return Exit::Input };
-    if !model.coupled().is_empty() {
-        console::note("energies of several measures are timed in a body: `piola bench SCENE`");
-    }
     let costs = match cost::cost(model, &values) {
         Ok(costs) => costs,
         Err(CostError::Compile(error)) => {
@@ -88,7 +85,7 @@ fn of_potential(name: &str, arguments: &Bench) -> Exit {
 fn errors(cost: &WayCost, energy: &EnergyCost, audits: &Audits) -> Option<[f64; 3]> {
     let Mode::Jit(level) = cost.way.mode else { return None };
     let (_, audits) = audits.iter().find(|(audited, _)| *audited == level)?;
-    let find = |argument| audits.iter().find(|audit| audit.argument == argument);
+    let find = |argument| audits.iter().find(|audit| audit.argument == Some(argument));
     let of_square = match energy.argument {
         Argument::Measure(measure) => find(Argument::Square(measure)),
         _ => None,
@@ -98,20 +95,29 @@ fn errors(cost: &WayCost, energy: &EnergyCost, audits: &Audits) -> Option<[f64; 
 
 fn potential_text(loaded: &Loaded, values: &Values, costs: &[WayCost], audits: &Audits) -> String {
     let dimension = values.dimension;
+    let titles = costs.iter().flat_map(|cost| cost.several.iter().map(|one| one.title.len()));
+    let width = titles.fold(8, usize::max);
     let mut out = format!(
         "{} in {dimension} dimensions: ns per interaction on one thread, least of several runs\n\n\
-         {:24} {:8} {:>10} {:>10} {:>10}   largest errors of psi, psi', psi'' in u\n",
+         {:24} {:width$} {:>10} {:>10} {:>10}   largest errors of psi, psi', psi'' in u\n",
         loaded.name, "way", "energy", "energy", "gradient", "tangent"
     );
     for cost in costs {
         for energy in &cost.energies {
             let psi = format!("psi({})", energy.argument.symbol());
-            let _ = write!(out, "{:24} {psi:8}", cost.way.name);
+            let _ = write!(out, "{:24} {psi:width$}", cost.way.name);
             for nanoseconds in energy.nanoseconds {
                 let _ = write!(out, " {nanoseconds:>10.1}");
             }
             if let Some(errors) = errors(cost, energy, audits) {
                 let _ = write!(out, "   {}", errors.map(units).join(", "));
+            }
+            out.push('\n');
+        }
+        for one in &cost.several {
+            let _ = write!(out, "{:24} {:width$}", cost.way.name, one.title);
+            for nanoseconds in one.nanoseconds {
+                let _ = write!(out, " {nanoseconds:>10.1}");
             }
             out.push('\n');
         }
@@ -128,6 +134,13 @@ fn potential_text(loaded: &Loaded, values: &Values, costs: &[WayCost], audits: &
         out.push_str(
             "psi(F): ns per place a few percent from rest for psi, for psi and P, and for dP; errors of \
              these in u of the norm\n",
+        );
+    }
+    if costs.iter().any(|cost| !cost.several.is_empty()) {
+        out.push_str(
+            "of several numbers: ns per triangle, bond or point for the value, with its gradient, and for the \
+             product of\nsecond derivatives with a direction; integrands: all together, with first, with \
+             second derivatives; errors: `piola audit`\n",
         );
     }
     for measure in Measure::ALL {
@@ -161,11 +174,20 @@ fn potential_json(loaded: &Loaded, values: &Values, costs: &[WayCost], audits: &
                 .map(|errors| errors.map(|x| if x.is_finite() { json!(x) } else { Value::Null })),
         })
     };
+    let several = |one: &SeveralCost| {
+        let [value, gradient, product] = one.nanoseconds;
+        json!({
+            "function": one.title,
+            "variables": one.n_variables,
+            "nanoseconds": { "energy": value, "gradient": gradient, "product": product },
+        })
+    };
     let way = |cost: &WayCost| {
         json!({
             "way": cost.way.name,
             "compile_seconds": cost.compile_seconds,
             "energies": cost.energies.iter().map(|e| energy(cost, e)).collect::<Vec<_>>(),
+            "several": cost.several.iter().map(several).collect::<Vec<_>>(),
         })
     };
     json!({

@@ -272,6 +272,7 @@ fn left(loaded: &Loaded, is_as_written: bool, lost: &[Lost]) -> String {
                 format!("where F - I = {}", rows(change))
             }
             Place::Gradient { gradient, .. } => format!("where F = {}", rows(gradient)),
+            Place::Several(_) => String::new(),
         };
         out.push_str(&format!(
             "  {} is off by {} {place}\n    {}\n",

@@ -202,7 +202,7 @@ fn measure(document: &Document) -> Option<String> {
     let mut lines: Vec<String> = Vec::new();
     for energy in &cost.energies {
         let [alone, _, all] = energy.nanoseconds;
-        let of = |argument| audits.iter().find(|audit| audit.argument == argument);
+        let of = |argument| audits.iter().find(|audit| audit.argument == Some(argument));
         let of_square = match energy.argument {
             Argument::Measure(measure) => of(Argument::Square(measure)),
             _ => None,

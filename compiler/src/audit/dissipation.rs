@@ -46,6 +46,6 @@ pub(super) fn audit(
     };
     let regimes = DECADES.step_by(3).map(regime).collect();
     let all: Vec<String> = model.dissipations().iter().map(|one| one.text.clone()).collect();
-    let function = Some(Subject::Dissipation(all.join(" + ")));
-    Ok(Some(Audit { function, ..Audit::new(Argument::Measure(Measure::Length), regimes) }))
+    let function = Subject::Dissipation(all.join(" + "));
+    Ok(Some(Audit::of(function, Some(Argument::Measure(Measure::Length)), regimes)))
 }

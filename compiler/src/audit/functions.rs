@@ -55,21 +55,22 @@ pub(super) fn functions_at(
         let argument = Argument::Measure(energy.measure);
         let of = (&kernel, &energy, &written);
         let regimes = measure::regimes(variant, values, argument, of, (settings, orders));
-        all.push(Audit { function: Some(subject), ..Audit::new(argument, regimes) });
+        all.push(Audit::of(subject, Some(argument), regimes));
         Ok(())
     })?;
+    all.extend(super::several::functions(model, values, settings)?);
     let criteria = model.gradient_criteria(values, mode, settings.form)?;
     for one in criteria {
         let regimes = gradient::regimes(&one.margin, &one.written, (settings, 1));
-        let function = Some(Subject::Margin(Some(Argument::Gradient), one.text));
-        all.push(Audit { function, ..Audit::new(Argument::Gradient, regimes) });
+        let function = Subject::Margin(Some(Argument::Gradient), one.text);
+        all.push(Audit::of(function, Some(Argument::Gradient), regimes));
     }
     let later = a_second_later(model, values);
     for one in model.gradient_next_states(&later.without_fields(), mode, settings.form)? {
         let regimes = gradient::regimes(&one.next, &one.written, (settings, 1));
         let text = format!("{} = {}", model.input_name(one.state), one.text);
         let subject = Subject::NextState(Of::Family(OfFamily::Gradient), text);
-        all.push(Audit { function: Some(subject), ..Audit::new(Argument::Gradient, regimes) });
+        all.push(Audit::of(subject, Some(Argument::Gradient), regimes));
     }
     all.extend(dissipation::audit(model, values, settings)?);
     Ok(all)

@@ -47,7 +47,8 @@ pub fn lost(
     let energies = model.specialise_as(values, settings.form)?.energies;
     let mut all: Vec<Lost> = Vec::new();
     for audit in audit(model, values, settings)?.0 {
-        let forms = match audit.argument {
+        let Some(argument) = audit.argument else { continue };
+        let forms = match argument {
             Argument::Measure(measure) => {
                 energies.iter().find(|e| e.measure == measure).cloned().map(Forms::Measure)
             }
@@ -77,8 +78,7 @@ pub fn lost(
                 };
                 let Some(cause) = cause else { continue };
                 let error = regime.worst[order];
-                let (argument, function) = (audit.argument, None);
-                note(&mut all, Lost { argument, function, cause, at, error });
+                note(&mut all, Lost { argument, function: None, cause, at, error });
             }
         }
     }

@@ -17,10 +17,12 @@ mod gradient;
 mod lost;
 mod measure;
 mod places;
+mod several;
 mod tensor;
 
 pub use functions::functions;
 pub use lost::{Lost, lost};
+pub use several::several;
 
 use crate::compile::Kind;
 use crate::kernel::{Kernel, Level, Mode, WrittenEnergy};
@@ -66,6 +68,8 @@ pub enum Place {
         /// Whether it is `F - I` that is given, and `F` is rounded.
         is_near: bool,
     },
+    /// Of a function of several numbers, what these are called and what they are.
+    Several(Vec<(String, f64)>),
 }
 
 /// Errors in one regime.
@@ -116,9 +120,9 @@ impl Regime {
 /// Errors of one energy, margin or next state.
 #[derive(Clone, Debug)]
 pub struct Audit {
-    /// What it is a function of.
-    pub argument: Argument,
-    /// What it is, if it is no energy.
+    /// What it is a function of; nothing of what holds several measures or what points gather.
+    pub argument: Option<Argument>,
+    /// What it is, if it is no energy of one argument.
     pub function: Option<Subject>,
     /// Regimes with points in the domain.
     pub regimes: Vec<Regime>,
@@ -127,25 +131,43 @@ pub struct Audit {
 impl Audit {
     fn new(argument: Argument, mut regimes: Vec<Regime>) -> Audit {
         regimes.retain(|regime| regime.n_points > 0);
-        Audit { argument, function: None, regimes }
+        Audit { argument: Some(argument), function: None, regimes }
+    }
+
+    /// The same of what is no energy of one argument.
+    fn of(function: Subject, argument: Option<Argument>, mut regimes: Vec<Regime>) -> Audit {
+        regimes.retain(|regime| regime.n_points > 0);
+        Audit { argument, function: Some(function), regimes }
     }
 
     /// How many of a value and its derivatives are judged.
     pub fn n_orders(&self) -> usize {
         match self.function {
-            None | Some(Subject::Dissipation(_)) => 3,
-            Some(_) => 1,
+            Some(Subject::Margin(..) | Subject::NextState(..)) => 1,
+            _ => 3,
         }
     }
 
     /// As they are named.
     pub fn orders(&self) -> [&'static str; 3] {
-        self.function.as_ref().map_or(self.argument.orders(), Subject::orders)
+        let of_argument = || self.argument.map_or(Argument::Gradient.orders(), Argument::orders);
+        self.function.as_ref().map_or_else(of_argument, Subject::orders)
+    }
+
+    /// What stands in the head of its energy: `l`, `F`, `l, theta`; for what is no energy as written.
+    pub fn symbol(&self) -> &str {
+        match self.argument {
+            Some(argument) => argument.symbol(),
+            None => self.function.as_ref().map_or("", Subject::symbol),
+        }
     }
 
     /// What is judged, as written: `psi(l)`, `break when l/L - 1 > s0`, `update k = max(k, s)`.
     pub fn title(&self) -> String {
-        title(self.argument, self.function.as_ref())
+        match self.argument {
+            Some(argument) => title(argument, self.function.as_ref()),
+            None => self.function.as_ref().map_or(String::new(), title_of),
+        }
     }
 
     /// Takes in what was found of the same function at other states.
@@ -172,11 +194,16 @@ impl Audit {
 
 /// What is judged, as written: an energy of an argument, or a function that is none.
 pub fn title(argument: Argument, function: Option<&Subject>) -> String {
+    function.map_or_else(|| format!("psi({})", argument.symbol()), title_of)
+}
+
+fn title_of(function: &Subject) -> String {
     match function {
-        Some(Subject::NextState(_, text)) => format!("update {text}"),
-        Some(Subject::Dissipation(text)) => format!("dissipation(l) = {text}"),
-        Some(function) => format!("break when {}", function.symbol()),
-        None => format!("psi({})", argument.symbol()),
+        Subject::NextState(_, text) => format!("update {text}"),
+        Subject::Dissipation(text) => format!("dissipation(l) = {text}"),
+        Subject::Gathering(text) => text.clone(),
+        Subject::Margin(_, text) => format!("break when {text}"),
+        energy => format!("psi({})", energy.symbol().replace("), psi(", ") + psi(")),
     }
 }
 

@@ -93,6 +93,24 @@ impl Model {
         Ok(found)
     }
 
+    /// How many terms of energies of gathered values these values make zero.
+    pub(crate) fn dropped_of_gathered(&self, values: &Values) -> Result<usize, CompileError> {
+        let variant =
+            self.variant(values.dimension).ok_or(CompileError::WrongDimension(values.dimension))?;
+        let known = Known(Some(values));
+        let dropped = |of_bonds: bool| match self.gathers_vectors() {
+            true => {
+                let which = if of_bonds { Which::Bonds } else { Which::Points };
+                Ok(self.function_of_vectors((variant, which), known, Form::Textbook)?.1.len())
+            }
+            false => {
+                let of = (variant, of_bonds);
+                Ok(self.energies_of_gathered(of, known, Form::Textbook)?.1.len())
+            }
+        };
+        Ok(dropped(false)? + dropped(true)?)
+    }
+
     fn forms_of_vectors(
         &self,
         variant: &Variant,

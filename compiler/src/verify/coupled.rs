@@ -62,20 +62,32 @@ fn largest(numbers: &[f64]) -> f64 {
 }
 
 /// Measures at a place with a direction, and psi, gradient and product there.
-struct Place {
-    variables: Vec<f64>,
-    reference: Vec<f64>,
-    change: Vec<f64>,
-    direction: Vec<f64>,
+pub(crate) struct Place {
+    pub(crate) variables: Vec<f64>,
+    pub(crate) reference: Vec<f64>,
+    pub(crate) change: Vec<f64>,
+    pub(crate) direction: Vec<f64>,
     values: Vec<f64>,
     /// Which are no measures, but what the ends of a bond have moved by.
     is_moved: Vec<bool>,
 }
 
 impl Place {
+    /// The place of these numbers: changes since rest, or what ends have moved by, then measures at rest, then the
+    /// direction.
+    pub(crate) fn of(variables: &[Variable], given: &[f64]) -> Place {
+        let n = variables.len();
+        let [change, reference, direction] = [0, 1, 2].map(|k| given[k * n..(k + 1) * n].to_vec());
+        let is_moved: Vec<bool> =
+            variables.iter().map(|variable| variable.component().is_some()).collect();
+        let now = |k: usize| grown(is_moved[k], reference[k], change[k]);
+        let variables = (0..n).map(now).collect();
+        Place { variables, reference, change, direction, values: Vec::new(), is_moved }
+    }
+
     /// What is true there, of measures that are `(1 + e) M` exactly; nothing where that is no finite
     /// number.
-    fn truth(&self, written: &WrittenCoupledEnergy) -> Option<Vec<f64>> {
+    pub(crate) fn truth(&self, written: &WrittenCoupledEnergy) -> Option<Vec<f64>> {
         let truth = by_lines(&self.direction, |slope| {
             let variable = |k: usize| {
                 if self.is_moved[k] {
@@ -89,6 +101,12 @@ impl Place {
         })?;
         truth.iter().all(|x| x.is_finite()).then_some(truth)
     }
+}
+
+/// A measure now; what the ends of a bond have moved by is that itself, which goes in both ways, and is as little as
+/// its length changes.
+fn grown(is_moved: bool, rest: f64, change: f64) -> f64 {
+    if is_moved { change } else { rest * (1.0 + change) }
 }
 
 /// The same places for every kernel of one energy: changes by decades from 0.3 to 1e-12.
@@ -107,11 +125,7 @@ fn evaluate(kernel: &CoupledKernel, n: usize) -> Vec<Place> {
     }
     let is_moved: Vec<bool> =
         kernel.variables().iter().map(|variable| variable.component().is_some()).collect();
-    // What the ends of a bond have moved by goes in both ways, and as little as its length changes.
-    let grown = |(k, (rest, e)): (usize, (&f64, &f64))| match is_moved[k / n] {
-        true => *e,
-        false => rest * (1.0 + e),
-    };
+    let grown = |(k, (rest, e)): (usize, (&f64, &f64))| grown(is_moved[k / n], *rest, *e);
     let variables: Vec<f64> = reference.iter().zip(&change).enumerate().map(grown).collect();
     let at = CoupledBatch {
         n,

@@ -22,7 +22,7 @@ const STEP: f64 = 1e-3;
 
 /// A bond, or a point, with a direction.
 #[derive(Clone)]
-pub(super) struct Place {
+pub(crate) struct Place {
     /// Of bonds the length, then the integrals.
     pub(super) variables: Vec<f64>,
     /// Of bonds the strain, of so few digits that its product with the length at rest is exact.
@@ -46,7 +46,7 @@ pub(super) fn judge(
     let mut random = Random::new(0x6e65_6172);
     for k in 0..n.min(MOST) {
         let strain = libm::pow(10.0, -1.0 - (k % 12) as f64) * random.uniform(0.4, 2.0);
-        let place = Place::new(strict.of_bonds(), &gathered.integrals, strain, &mut random);
+        let place = Place::new(strict.of_bonds(), &gathered.integrals, (strain, 0.0), &mut random);
         let Some(truth) = place.truth(written) else { continue };
         let dual = place.values(dual);
         let sizes = place.sizes(strict, &truth);
@@ -77,14 +77,21 @@ pub(super) fn judge(
 }
 
 impl Place {
-    /// The first bond of a random family, or its point, and what is gathered of it.
-    fn new(of_bonds: bool, integrals: &[Kernel], strain: f64, random: &mut Random) -> Place {
+    /// The first bond of a random family, or its point, and what is gathered of it: strains of about one size
+    /// beside one that all have.
+    pub(crate) fn new(
+        of_bonds: bool,
+        integrals: &[Kernel],
+        (strain, of_all): (f64, f64),
+        random: &mut Random,
+    ) -> Place {
         let mut numbers =
             |low, high| -> [f64; BONDS] { std::array::from_fn(|_| random.uniform(low, high)) };
         let volumes = numbers(0.5, 1.0);
         let reference = numbers(0.5, 2.0).map(|length| (length * 1024.0).round() / 1024.0);
         // More of one sign, as a dilatation has it.
-        let change = numbers(-0.4, 1.0).map(|e| f64::from_bits((e * strain).to_bits() & !0xffff));
+        let change =
+            numbers(-0.4, 1.0).map(|e| f64::from_bits((of_all + e * strain).to_bits() & !0xffff));
         let measure: [f64; BONDS] =
             std::array::from_fn(|j| reference[j] + reference[j] * change[j]);
         let batch =
@@ -99,7 +106,26 @@ impl Place {
         Place { variables, change, reference: reference[0], direction }
     }
 
-    fn values(&self, kernel: &GatheredKernel) -> Vec<f64> {
+    /// The place of these numbers: of bonds the strain and the length at rest, then integrals, then the direction.
+    pub(crate) fn of(of_bonds: bool, given: &[f64]) -> Place {
+        let (bond, rest) = given.split_at(if of_bonds { 2 } else { 0 });
+        let n = (rest.len() - usize::from(of_bonds)) / 2;
+        let (integrals, direction) = rest.split_at(n);
+        let (change, reference) = (bond.first().copied(), bond.get(1).copied().unwrap_or(f64::NAN));
+        let length = change.map(|change| reference + reference * change);
+        let variables = length.into_iter().chain(integrals.iter().copied()).collect();
+        Place { variables, change, reference, direction: direction.to_vec() }
+    }
+
+    /// These numbers.
+    pub(crate) fn given(&self) -> Vec<f64> {
+        let bond: Vec<f64> = self.change.map_or(Vec::new(), |change| vec![change, self.reference]);
+        let integrals = &self.variables[usize::from(self.change.is_some())..];
+        [&bond[..], integrals, &self.direction].concat()
+    }
+
+    /// psi, gradient and product.
+    pub(crate) fn values(&self, kernel: &GatheredKernel) -> Vec<f64> {
         let n = self.variables.len();
         let (mut psi, mut gradient, mut product) = ([0.0], vec![0.0; n], vec![0.0; n]);
         let (change, reference) = ([self.change.unwrap_or(0.0)], [self.reference]);
@@ -116,7 +142,8 @@ impl Place {
         [&psi[..], &gradient, &product].concat()
     }
 
-    fn truth(&self, written: &WrittenGatheredEnergy) -> Option<Vec<f64>> {
+    /// What is true there; nothing where that is no finite number.
+    pub(crate) fn truth(&self, written: &WrittenGatheredEnergy) -> Option<Vec<f64>> {
         let truth = by_lines(&self.direction, |slope| {
             let variable = |k: usize| match self.change {
                 Some(change) if k == 0 => {

@@ -21,12 +21,12 @@
 
 pub(crate) mod cause;
 mod consistent;
-mod coupled;
+pub(crate) mod coupled;
 mod dissipation;
 pub(crate) mod families;
 mod gathered;
 mod gathered_margin;
-mod gathered_near;
+pub(crate) mod gathered_near;
 mod gradient;
 mod gradient_margin;
 mod margin;

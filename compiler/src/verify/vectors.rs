@@ -21,6 +21,9 @@ const BAR: f64 = 1e4;
 /// Bonds of a family.
 const BONDS: usize = 24;
 
+/// How far families are deformed: the components of the gradient that all bonds share, and what each moves beside it.
+const SIZES: [f64; 2] = [0.25, 0.05];
+
 /// Verifies all functions of a potential of vectors at `n` places each.
 pub(super) fn verify(
     model: &Model,
@@ -60,7 +63,7 @@ pub(super) fn verify(
     Ok(found)
 }
 
-fn of(kernels: &VectorKernels, which: Which) -> Option<&FamilyKernel> {
+pub(crate) fn of(kernels: &VectorKernels, which: Which) -> Option<&FamilyKernel> {
     match which {
         Which::Integrands => Some(&kernels.integrands),
         Which::Functions => kernels.functions.as_ref(),
@@ -69,7 +72,7 @@ fn of(kernels: &VectorKernels, which: Which) -> Option<&FamilyKernel> {
     }
 }
 
-fn subject(variant: &Variant, which: Which) -> Subject {
+pub(crate) fn subject(variant: &Variant, which: Which) -> Subject {
     match which {
         Which::Integrands => Subject::Gathering("integral(..)".into()),
         Which::Functions => {
@@ -85,7 +88,8 @@ fn subject(variant: &Variant, which: Which) -> Subject {
 }
 
 /// A bond as one of its ends sees it, with what both gather.
-struct Place {
+#[derive(Clone)]
+pub(crate) struct Place {
     /// The direction at rest, a unit vector.
     unit: Vec<f64>,
     length: f64,
@@ -97,6 +101,39 @@ struct Place {
 }
 
 impl Place {
+    /// The place of these numbers: what a kernel is differentiated by and what it takes beside, the direction at rest,
+    /// and the direction of products; all else is 0.
+    pub(crate) fn of(kernel: &FamilyKernel, (d, m): (usize, usize), given: &[f64]) -> Place {
+        let nothing = || vec![0.0; m];
+        let mut place = Place {
+            unit: Vec::new(),
+            length: 1.0,
+            moved: vec![0.0; d],
+            gathered: [nothing(), nothing()],
+            random: [nothing(), Vec::new()],
+        };
+        let slots = || kernel.variables().iter().chain(kernel.given());
+        for (slot, x) in slots().zip(given) {
+            *match slot {
+                Slot::Length => &mut place.length,
+                Slot::Moved(axis) => &mut place.moved[*axis],
+                Slot::Own(k) => &mut place.gathered[0][*k],
+                Slot::Neighbour(k) => &mut place.gathered[1][*k],
+                Slot::Multiplier(k) => &mut place.random[0][*k],
+            } = *x;
+        }
+        let (unit, direction) = given[slots().count()..].split_at(d);
+        (place.unit, place.random[1]) = (unit.to_vec(), direction.to_vec());
+        place
+    }
+
+    /// These numbers.
+    pub(crate) fn given(&self, kernel: &FamilyKernel) -> Vec<f64> {
+        let slots = kernel.variables().iter().chain(kernel.given()).map(|slot| self.slot(*slot));
+        let direction = &self.random[1][..kernel.variables().len()];
+        slots.chain(self.unit.iter().copied()).chain(direction.iter().copied()).collect()
+    }
+
     fn slot(&self, slot: Slot) -> f64 {
         match slot {
             Slot::Length => self.length,
@@ -124,11 +161,17 @@ impl Place {
 }
 
 /// Places to verify at.
-struct Places<'a> {
+pub(crate) struct Places<'a> {
     all: Vec<Place>,
     values: &'a Values,
     /// The numbers of the components of the direction.
     directions: std::ops::Range<u16>,
+}
+
+impl<'a> Places<'a> {
+    pub(crate) fn new(all: Vec<Place>, (model, values): (&Model, &'a Values)) -> Places<'a> {
+        Places { all, values, directions: model.directions(values.dimension) }
+    }
 }
 
 /// Bonds of random families.
@@ -138,34 +181,45 @@ fn places<'a>(
     n: usize,
 ) -> Places<'a> {
     let mut random = Random::new(0x7665_6374_6f72);
-    let directions = model.directions(values.dimension);
-    let mut places = Places { all: Vec::new(), values, directions };
-    let m = kernels.n_gathered;
-    for _ in 0..n {
-        let gathered = [0; 2].map(|_| {
-            let family = family(&mut random, values.dimension, m);
-            let bonds = Places { all: family, values, directions: places.directions.clone() };
-            gathered(kernels, &bonds, &mut random)
-        });
-        let mut bond = family(&mut random, values.dimension, m).swap_remove(0);
-        bond.gathered = gathered;
-        places.all.push(bond);
-    }
-    places
+    let bond = |_| bond(kernels, (model, values), (SIZES, false), &mut random);
+    Places::new((0..n).map(bond).collect(), (model, values))
+}
+
+/// A bond with what its ends gather, in families that are deformed so far, and then turned or not.
+pub(crate) fn bond(
+    kernels: &VectorKernels,
+    (model, values): (&Model, &Values),
+    (sizes, is_turned): ([f64; 2], bool),
+    random: &mut Random,
+) -> Place {
+    let (d, m) = (values.dimension, kernels.n_gathered);
+    let of = |mut all: Vec<Place>| {
+        if is_turned {
+            all.iter_mut().for_each(Place::turn);
+        }
+        Places::new(all, (model, values))
+    };
+    let ends = [0; 2].map(|_| {
+        let bonds = of(family(random, (d, m), sizes));
+        gathered(kernels, &bonds, random)
+    });
+    let mut bond = of(family(random, (d, m), sizes)).all.swap_remove(0);
+    bond.gathered = ends;
+    bond
 }
 
 /// The bonds of a point, deformed alike but for a little.
-fn family(random: &mut Random, d: usize, m: usize) -> Vec<Place> {
+fn family(random: &mut Random, (d, m): (usize, usize), [of_all, own]: [f64; 2]) -> Vec<Place> {
     let mut numbers =
         |n: usize, size: f64| (0..n).map(|_| random.uniform(-size, size)).collect::<Vec<f64>>();
-    let gradient = numbers(d * d, 0.25);
+    let gradient = numbers(d * d, of_all);
     let mut bond = || loop {
         let rest = numbers(d, 1.0);
         let length = rest.iter().fold(0.0, |sum, x| sum + x * x).sqrt();
         if !(0.3..1.0).contains(&length) {
             continue;
         }
-        let beside = numbers(d, 0.05);
+        let beside = numbers(d, own);
         let moved = |axis: usize| {
             let row = gradient[axis * d..(axis + 1) * d].iter().zip(&rest);
             row.fold(beside[axis], |sum, (h, x)| sum + h * x)
@@ -184,23 +238,10 @@ fn family(random: &mut Random, d: usize, m: usize) -> Vec<Place> {
 /// The energies of a point and of a bond, where there are any, in random families; and the same where all of it is
 /// turned as a whole by a right angle and more.
 pub(crate) fn turned(kernels: &VectorKernels, (model, values): (&Model, &Values)) -> [[f64; 2]; 2] {
-    let (d, m) = (values.dimension, kernels.n_gathered);
-    let directions = model.directions(d);
     let energies = |is_turned: bool| {
         let mut random = Random::new(0x7475_726e);
-        let of = |mut all: Vec<Place>| {
-            if is_turned {
-                all.iter_mut().for_each(Place::turn);
-            }
-            Places { all, values, directions: directions.clone() }
-        };
-        let ends = [0; 2].map(|_| {
-            let bonds = of(family(&mut random, d, m));
-            gathered(kernels, &bonds, &mut random)
-        });
-        let mut bond = of(family(&mut random, d, m));
-        bond.all.truncate(1);
-        bond.all[0].gathered = ends;
+        let bond = bond(kernels, (model, values), (SIZES, is_turned), &mut random);
+        let bond = Places::new(vec![bond], (model, values));
         [&kernels.points, &kernels.bonds]
             .map(|kernel| kernel.as_ref().map_or(0.0, |kernel| evaluate(kernel, &bond)[0][0]))
     };
@@ -241,7 +282,7 @@ fn gathered(kernels: &VectorKernels, bonds: &Places<'_>, random: &mut Random) ->
 }
 
 /// Value, gradient and product of a kernel at all places.
-fn evaluate(kernel: &FamilyKernel, places: &Places<'_>) -> Vec<Vec<f64>> {
+pub(crate) fn evaluate(kernel: &FamilyKernel, places: &Places<'_>) -> Vec<Vec<f64>> {
     let (n, m) = (places.all.len(), kernel.variables().len());
     let of = |slots: &[Slot]| -> Vec<f64> {
         slots.iter().flat_map(|slot| places.all.iter().map(|place| place.slot(*slot))).collect()
@@ -266,10 +307,10 @@ fn evaluate(kernel: &FamilyKernel, places: &Places<'_>) -> Vec<Vec<f64>> {
 }
 
 /// A function as written, at the places of its kernel.
-struct Seen<'a> {
-    written: &'a WrittenFamily,
-    kernel: &'a FamilyKernel,
-    places: &'a Places<'a>,
+pub(crate) struct Seen<'a> {
+    pub(crate) written: &'a WrittenFamily,
+    pub(crate) kernel: &'a FamilyKernel,
+    pub(crate) places: &'a Places<'a>,
 }
 
 impl Seen<'_> {
@@ -279,7 +320,7 @@ impl Seen<'_> {
     }
 
     /// What is true at a place; nothing where that is no finite number.
-    fn truth(&self, p: usize) -> Option<Vec<f64>> {
+    pub(crate) fn truth(&self, p: usize) -> Option<Vec<f64>> {
         let (place, variables) = (&self.places.all[p], self.kernel.variables());
         let truth = by_lines(&place.random[1][..variables.len()], |slope| {
             let slot = |slot: Slot| match variables.iter().position(|own| *own == slot) {

@@ -3,12 +3,16 @@
 //! Each time is the least of several runs in turn over interactions that stay in the caches: what
 //! disturbs the machine makes no run faster.
 
+mod several;
+
+pub use several::SeveralCost;
+
 use std::hint::black_box;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use num_dual::HyperDual64;
 use piola_compiler::{
-    Argument, CompileError, Form, GradientBatch, GradientKernel, Kind, Level, Mode, Model, Values,
+    Argument, CompileError, Form, GradientBatch, GradientKernel, Level, Mode, Model, Values,
 };
 use piola_mechanics::interaction::n_neighbors;
 use piola_mechanics::kernel::Measure;
@@ -75,6 +79,8 @@ pub struct WayCost {
     pub compile_seconds: f64,
     /// One entry per energy that the way can evaluate, measures ascending, then `F`.
     pub energies: Vec<EnergyCost>,
+    /// Energies of several measures, then what points gather and energies of it; none in coordinates.
+    pub several: Vec<SeveralCost>,
 }
 
 /// What an interaction of one kind costs, or a place with a deformation gradient.
@@ -106,7 +112,16 @@ pub enum CostError {
     /// An energy of the deformation gradient that is not finite a few percent from rest.
     #[error("psi(F) is not finite a few percent from rest: there is nothing to time")]
     NonFiniteGradient,
+    /// A function of several numbers that is not finite a few percent from rest.
+    #[error("{title}: not finite a few percent from rest: there is nothing to time")]
+    NonFiniteSeveral {
+        /// What it is.
+        title: String,
+    },
 }
+
+/// A compiler that takes longer is timed by fewer runs.
+const MOST_COMPILING: Duration = Duration::from_millis(300);
 
 /// Times every way for every energy of a potential.
 ///
@@ -125,18 +140,23 @@ pub fn fastest(model: &Model, values: &Values) -> Result<WayCost, CostError> {
 }
 
 fn cost_of(way: Way, model: &Model, values: &Values) -> Result<WayCost, CostError> {
-    // Energies of gathered values are not timed.
-    let kinds = [Kind::Measures, Kind::Gradient];
-    let compile = |values| model.compile_only(&kinds, values, way.mode, Form::Accurate);
-    let mut compile_seconds = f64::INFINITY;
+    let compile = |values| model.compile(values, way.mode, Form::Accurate);
+    let (mut compile_seconds, begun) = (f64::INFINITY, Instant::now());
     for _ in 0..way.rounds {
         let start = Instant::now();
         black_box(compile(black_box(values))?);
         compile_seconds = compile_seconds.min(start.elapsed().as_secs_f64());
+        if begun.elapsed() > MOST_COMPILING {
+            break;
+        }
     }
     let dimension = values.dimension;
     let mut energies = Vec::new();
     let compiled = compile(values)?;
+    let several = match way.in_coordinates {
+        true => Vec::new(),
+        false => several::time_all(&compiled, way)?,
+    };
     for kernel in compiled.kernels {
         let measure = kernel.measure();
         let fields = kernel.fields().to_vec();
@@ -159,7 +179,7 @@ fn cost_of(way: Way, model: &Model, values: &Values) -> Result<WayCost, CostErro
         let nanoseconds = time_gradient(&kernel, way).ok_or(CostError::NonFiniteGradient)?;
         energies.push(EnergyCost { argument: Argument::Gradient, nanoseconds });
     }
-    Ok(WayCost { way, compile_seconds, energies })
+    Ok(WayCost { way, compile_seconds, energies, several })
 }
 
 /// Nanoseconds per interaction for each order.
@@ -301,6 +321,35 @@ mod tests {
         }
         let error = cost_of_text("potential p\npsi(F) = ln(0*J)\n", 3).unwrap_err();
         assert!(error.to_string().starts_with("psi(F) is not finite"), "{error}");
+    }
+
+    #[test]
+    fn functions_of_several_numbers_have_times() {
+        let numbers = "potential p\nm = integral(L)\ns = integral((l - L)/L)\npsi(s) = s^2\n\
+                       psi(l, m) = (l - L)^2/m\npsi(angle) = (angle - Angle)^2\n";
+        let vectors = "potential p\nK = integral(dyad(Xi, Xi))\n\
+                       H = integral(dyad(xi - Xi, Xi))*inv(K)\npsi(H) = H : H\npsi(xi, H) = (xi - Xi)*H*Xi\n";
+        for (text, titles) in [
+            (numbers, ["psi(angle)", "integrands", "energy of points", "energy of bonds"]),
+            (
+                vectors,
+                ["integrands", "functions of integrals", "energy of points", "energy of bonds"],
+            ),
+        ] {
+            for cost in cost_of_text(text, 2).unwrap() {
+                let found: Vec<&str> = cost.several.iter().map(|one| &*one.title).collect();
+                assert_eq!(found, titles[..if cost.way.in_coordinates { 0 } else { 4 }]);
+                let times = cost.several.iter().flat_map(|one| one.nanoseconds);
+                assert!(times.clone().all(|x| x > 0.0 && x.is_finite()), "{cost:?}");
+                if text == numbers && !cost.way.in_coordinates {
+                    let n = cost.several[1..].iter().map(|one| one.n_variables);
+                    assert_eq!(n.collect::<Vec<_>>(), [2, 2, 3]);
+                }
+            }
+        }
+        let error =
+            cost_of_text("potential p\ns = integral(L)\npsi(s) = ln(0*s)\n", 2).unwrap_err();
+        assert!(error.to_string().starts_with("energy of points: not finite"), "{error}");
     }
 
     #[test]

@@ -25,12 +25,12 @@ pub(super) fn look_at(case: &Case, found: &mut Found) {
                 for (order, place) in regime.at.iter().enumerate() {
                     let Some(Place::Interaction(point)) = place else { continue };
                     let change = match audit.argument {
-                        Argument::Square(_) => point.root().change(),
+                        Some(Argument::Square(_)) => point.root().change(),
                         _ => point.change(),
                     };
                     let is_near = regime.strain.is_some() || change.abs() <= NEAR;
                     found.see(is_near, order, regime.worst[order], || {
-                        let symbol = audit.argument.symbol();
+                        let symbol = audit.symbol();
                         format!("{}, e = {change:.1e} of {symbol} {}", regime.name, case.with)
                     });
                 }

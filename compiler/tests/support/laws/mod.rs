@@ -119,7 +119,7 @@ pub(crate) fn regimes_missed(law: &Law) -> Vec<String> {
     let mut missed = Vec::new();
     for audit in &audits {
         for regime in &audit.regimes {
-            for (order, name) in audit.argument.orders().into_iter().enumerate() {
+            for (order, name) in audit.orders().into_iter().enumerate() {
                 if regime.worst[order] > BAR {
                     missed.push(format!("{name} in {}", regime.name));
                 }

@@ -1,0 +1,102 @@
+//! Energies of points and of bonds of numbers that points gather, with conditions and next states of these.
+
+use super::{Function, Sampled, power_of_ten, regimes, strains};
+use crate::audit::{Audit, Settings};
+use crate::compile::Kind;
+use crate::gathered::{GatheredKernel, GatheredKernels, WrittenGatheredEnergy, argument};
+use crate::kernel::{Kernel, Mode};
+use crate::model::{Model, Of, OfFamily};
+use crate::specialise::CompileError;
+use crate::values::Values;
+use crate::verify::Subject;
+use crate::verify::families::a_second_later;
+use crate::verify::gathered_near::Place;
+use crate::verify::sample::Random;
+
+pub(super) fn audit(
+    model: &Model,
+    values: &Values,
+    settings: &Settings,
+) -> Result<Vec<Audit>, CompileError> {
+    let Some(gathered) = compiled(model, values, settings)? else { return Ok(Vec::new()) };
+    let variant =
+        model.variant(values.dimension).ok_or(CompileError::WrongDimension(values.dimension))?;
+    let audit = |kernel: &GatheredKernel| {
+        let written = model.written_gathered(values, kernel.of_bonds());
+        let subject = Subject::Gathered(argument(variant, kernel.of_bonds()));
+        let of = (kernel, &written, &gathered.integrals[..]);
+        Audit::of(subject, None, regimes_of(of, (settings, 3)))
+    };
+    Ok([&gathered.points, &gathered.bonds].into_iter().flatten().map(audit).collect())
+}
+
+/// Margins of conditions of gathered numbers, then what states of points become, with states by the values.
+///
+/// # Errors
+/// What cannot be compiled.
+pub(in crate::audit) fn functions(
+    model: &Model,
+    values: &Values,
+    settings: &Settings,
+) -> Result<Vec<Audit>, CompileError> {
+    let mut all = Vec::new();
+    if model.gathers_vectors() {
+        return Ok(all);
+    }
+    let Some(gathered) = compiled(model, values, settings)? else { return Ok(all) };
+    let mode = Mode::Jit(settings.level);
+    let integrals = &gathered.integrals[..];
+    for one in model.gathered_criteria(values, mode, settings.form)? {
+        let regimes = regimes_of((&one.margin, &one.written, integrals), (settings, 1));
+        all.push(Audit::of(Subject::Margin(None, one.text), None, regimes));
+    }
+    let later = a_second_later(model, values).without_fields();
+    for one in model.gathered_next_states(&later, mode, settings.form)? {
+        let regimes = regimes_of((&one.next, &one.written, integrals), (settings, 1));
+        let text = format!("{} = {}", model.input_name(one.state), one.text);
+        let subject = Subject::NextState(Of::Family(OfFamily::Points), text);
+        all.push(Audit::of(subject, None, regimes));
+    }
+    Ok(all)
+}
+
+fn compiled(
+    model: &Model,
+    values: &Values,
+    settings: &Settings,
+) -> Result<Option<GatheredKernels>, CompileError> {
+    let mode = Mode::Jit(settings.level);
+    Ok(model.compile_only(&[Kind::Gathered], values, mode, settings.form)?.gathered)
+}
+
+fn regimes_of(
+    (kernel, written, integrals): (&GatheredKernel, &WrittenGatheredEnergy, &[Kernel]),
+    settings: (&Settings, usize),
+) -> Vec<crate::audit::Regime> {
+    let of_bonds = kernel.of_bonds();
+    let bond = ["(l - L)/L", "L"].into_iter().filter(|_| of_bonds).map(str::to_string);
+    let gathered = (1..=integrals.len()).map(|k| format!("I{k}"));
+    let function = Function {
+        names: bond.chain(gathered).collect(),
+        n_variables: kernel.n_variables(),
+        found: Box::new(move |given| Place::of(of_bonds, given).values(kernel)),
+        truth: Box::new(move |given| Place::of(of_bonds, given).truth(written)),
+    };
+    regimes(&function, sampled(of_bonds, integrals, settings.0.points), settings)
+}
+
+/// Bonds of random families, and their points.
+fn sampled(of_bonds: bool, integrals: &[Kernel], points: usize) -> Vec<Sampled> {
+    let mut random = Random::new(0x6175_6469_7467);
+    let mut places = |strain: f64, shift: f64| -> Vec<Vec<f64>> {
+        let mut place = |_| Place::new(of_bonds, integrals, (strain, shift), &mut random).given();
+        (0..points).map(&mut place).collect()
+    };
+    let mut all: Vec<Sampled> =
+        strains().map(|(name, size)| (name, Some(size), places(size, 0.0))).collect();
+    for decade in [-3, -2, -1, 1, 2, 3] {
+        let stretch = power_of_ten(decade);
+        all.push((format!("stretch 1e{decade}"), None, places(0.3 * stretch, stretch - 1.0)));
+    }
+    all
+}

@@ -1,0 +1,100 @@
+//! What points gather of vectors, and energies of it.
+
+use super::{Function, Sampled, power_of_ten, regimes, strains};
+use crate::audit::{Audit, Settings};
+use crate::gathered::vectors::Which;
+use crate::gathered::{FamilyKernel, Slot, VectorKernels, WrittenFamily};
+use crate::kernel::Mode;
+use crate::model::Model;
+use crate::specialise::CompileError;
+use crate::values::Values;
+use crate::verify::sample::Random;
+use crate::verify::vectors::{Place, Places, Seen, bond, evaluate, of, subject};
+
+/// Most places of a regime: true values of a gradient by dozens of numbers take tens of milliseconds.
+const MOST: usize = 2;
+
+/// What a bond moves beside the gradient of its family, in parts of that.
+const BESIDE: f64 = 0.2;
+
+pub(super) fn audit(
+    model: &Model,
+    values: &Values,
+    settings: &Settings,
+) -> Result<Vec<Audit>, CompileError> {
+    let values = &values.without_parameters_that_vary(model);
+    let variant =
+        model.variant(values.dimension).ok_or(CompileError::WrongDimension(values.dimension))?;
+    let mut kernels = None;
+    model.compile_vectors(values, (Mode::Jit(settings.level), settings.form), &mut kernels)?;
+    let Some(kernels) = kernels else { return Ok(Vec::new()) };
+    let sampled = sampled(&kernels, (model, values), settings.points);
+    let audit = |which: Which| {
+        let kernel = of(&kernels, which)?;
+        let written = model.written_vectors(values, which);
+        let function = function(kernel, &written, (model, values), kernels.n_gathered);
+        let given = |(name, strain, places): &(String, Option<f64>, Vec<Place>)| -> Sampled {
+            let places = places.iter().map(|place| place.given(kernel)).collect();
+            (name.clone(), *strain, places)
+        };
+        let sampled = sampled.iter().map(given).collect();
+        let regimes = regimes(&function, sampled, (settings, 3));
+        Some(Audit::of(subject(variant, which), None, regimes))
+    };
+    let all = [Which::Integrands, Which::Functions, Which::Points, Which::Bonds];
+    Ok(all.into_iter().filter_map(audit).collect())
+}
+
+fn function<'a>(
+    kernel: &'a FamilyKernel,
+    written: &'a WrittenFamily,
+    (model, values): (&'a Model, &'a Values),
+    n_gathered: usize,
+) -> Function<'a> {
+    let name = |slot: &Slot| match slot {
+        Slot::Length => "L".to_string(),
+        Slot::Moved(axis) => format!("xi({0}) - Xi({0})", axis + 1),
+        Slot::Own(k) => format!("I{}", k + 1),
+        Slot::Neighbour(k) => format!("neighbour(I{})", k + 1),
+        Slot::Multiplier(k) => format!("A{}", k + 1),
+    };
+    let slots = kernel.variables().iter().chain(kernel.given()).map(name);
+    let units = (1..=values.dimension).map(|axis| format!("Xi({axis})/L"));
+    let place = move |given: &[f64]| {
+        let place = Place::of(kernel, (values.dimension, n_gathered), given);
+        Places::new(vec![place], (model, values))
+    };
+    Function {
+        names: slots.chain(units).collect(),
+        n_variables: kernel.variables().len(),
+        found: Box::new(move |given| evaluate(kernel, &place(given)).swap_remove(0)),
+        truth: Box::new(move |given| {
+            let places = place(given);
+            Seen { written, kernel, places: &places }.truth(0)
+        }),
+    }
+}
+
+/// Bonds of random families, strained, stretched, and turned.
+fn sampled(
+    kernels: &VectorKernels,
+    of: (&Model, &Values),
+    points: usize,
+) -> Vec<(String, Option<f64>, Vec<Place>)> {
+    let mut random = Random::new(0x6175_6469_7476);
+    let mut places = |size: f64, is_turned: bool| -> Vec<Place> {
+        let sizes = [size, size * BESIDE];
+        let n = points.min(MOST);
+        (0..n).map(|_| bond(kernels, of, (sizes, is_turned), &mut random)).collect()
+    };
+    let strains = strains().step_by(2);
+    let mut all: Vec<_> =
+        strains.map(|(name, size)| (name, Some(size), places(size, false))).collect();
+    for decade in [1, 5, 9] {
+        all.push((format!("turned 1e-{decade}"), None, places(power_of_ten(-decade), true)));
+    }
+    for decade in [0, 1, 2] {
+        all.push((format!("gradient 1e{decade}"), None, places(power_of_ten(decade), false)));
+    }
+    all
+}

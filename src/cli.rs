@@ -1,6 +1,7 @@
 //! What may be typed.
 
 mod editors;
+mod eval;
 mod studies;
 
 use std::path::PathBuf;
@@ -11,6 +12,7 @@ use piola_runtime::simulation::Place;
 use crate::console::{Color, Verbosity};
 use crate::library::Kind;
 pub(crate) use editors::{Fmt, New, Template};
+pub(crate) use eval::{Eval, MeasureName};
 pub(crate) use studies::{Calibrate, Moduli, Picture, Report, Sweep, Trade, Watch};
 
 /// What scripts need to know.
@@ -429,43 +431,6 @@ pub(crate) enum Mode {
     Interpreter,
     /// The energy as written, over hyper-dual numbers
     Hyperdual,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-#[value(rename_all = "lower")]
-pub(crate) enum MeasureName {
-    /// Length of a bond
-    L,
-    /// Area measure of a triangle
-    A,
-    /// Volume measure of a tetrahedron
-    V,
-    /// Deformation gradient
-    #[value(name = "F")]
-    F,
-}
-
-#[derive(Debug, Args)]
-pub(crate) struct Eval {
-    /// A potential file (.piola), or a name of the library
-    pub(crate) file: String,
-    /// Which energy
-    #[arg(long)]
-    pub(crate) measure: MeasureName,
-    /// Number of dimensions
-    #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u8).range(2..=3))]
-    pub(crate) dim: u8,
-    #[command(flatten)]
-    pub(crate) inputs: Inputs,
-    /// CSV with the columns `l,L` (or `a,A`, `v,V`, `F11,F12,..`); `-` is the standard input
-    #[arg(long)]
-    pub(crate) points: String,
-    /// How it is computed
-    #[arg(long, default_value = "jit")]
-    pub(crate) mode: Mode,
-    /// Level of the machine code
-    #[arg(long, default_value = "fast")]
-    pub(crate) level: Level,
 }
 
 #[derive(Debug, Args)]

@@ -1,10 +1,11 @@
 //! `piola eval`: measures in, psi, psi', psi'' out, one row per row.
 
+use clap::ValueEnum as _;
 use piola_compiler::{Batch, Derivatives, Form, Kind, Measure, Mode};
 use piola_runtime::output::decimal;
 
-use super::Exit;
 use super::derive::print_compile_error;
+use super::{Exit, eval_several};
 use crate::cli::{self, Eval};
 use crate::console;
 use crate::potential;
@@ -16,8 +17,9 @@ pub(super) fn execute(arguments: &Eval) -> Exit {
         cli::MeasureName::L => Some(Measure::Length),
         cli::MeasureName::A => Some(Measure::Area),
         cli::MeasureName::V => Some(Measure::Volume),
-        cli::MeasureName::F => None,
+        _ => None,
     };
+    let of_several = eval_several::of_several(arguments.measure);
     let mode = match arguments.mode {
         cli::Mode::Jit => Mode::Jit(arguments.level.into()),
         cli::Mode::Interpreter => Mode::Interpreter,
@@ -32,16 +34,31 @@ pub(super) fn execute(arguments: &Eval) -> Exit {
     };
     let symbol = measure.map_or("F", Measure::symbol);
     let arguments_of = loaded.model.arguments();
-    if !arguments_of.contains(&symbol) {
-        let message = format!("`{}` has no energy psi({symbol})", loaded.model.name());
+    let words = eval_several::words(&loaded.model);
+    let is_there = match arguments.measure.to_possible_value() {
+        Some(word) if of_several.is_some() => words.contains(&word.get_name()),
+        _ => arguments_of.contains(&symbol),
+    };
+    if !is_there {
+        let message = match of_several {
+            Some(what) => format!("`{}` has no energy of {what}", loaded.model.name()),
+            None => format!("`{}` has no energy psi({symbol})", loaded.model.name()),
+        };
         let known = arguments_of.iter().filter(|a| matches!(**a, "l" | "a" | "v" | "F"));
+        let known = known.copied().chain(words);
         let has: Vec<String> = known.map(|a| format!("--measure {a}")).collect();
         let help = match has.is_empty() {
-            true => "energies of gathered values and of several measures need a body: `piola energy SCENE`".to_string(),
+            true => {
+                "energies of the vector of a bond need a body: `piola energy SCENE`".to_string()
+            }
             false => format!("use {}", has.join(" or ")),
         };
         render::error(&message, Some(help.as_str()));
         return Exit::Input;
+    }
+    if of_several.is_some() {
+        let of = (arguments.measure, &*arguments.points);
+        return eval_several::execute(&loaded, &values, mode, of);
     }
     let Some(measure) = measure else {
         return super::eval_gradient::execute(&loaded, &values, mode, &arguments.points);

@@ -10,6 +10,7 @@ mod derive;
 mod energy;
 mod eval;
 mod eval_gradient;
+mod eval_several;
 mod explain;
 mod explain_bond;
 mod fmt;

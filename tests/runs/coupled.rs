@@ -97,11 +97,7 @@ fn what_knows_one_measure_alone_says_so() {
         .expect(2)
         .says(&["energies of one measure: choose \"hyperdual\""]);
     let law = folder.path("law.piola");
-    piola(&["audit", &law])
-        .expect(0)
-        .says(&["several measures are not audited: see `piola verify`"]);
     piola(&["derive", &law, "--explain"]).expect(0).says(&["several measures are not explained"]);
-    piola(&["bench", &law]).expect(0).says(&["several measures are timed in a body"]);
     let points = folder.file("points.csv", "a,A\n1,1\n");
     piola(&["eval", &law, "--measure", "a", "--points", &points])
         .expect(2)

@@ -41,6 +41,7 @@ mod refusals;
 mod report;
 mod resumed;
 mod scenes;
+mod several;
 mod singular;
 mod solvers;
 #[cfg(unix)]

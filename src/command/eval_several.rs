@@ -1,0 +1,248 @@
+//! `piola eval` of functions of several numbers: energies of several measures of a triangle or a tetrahedron, and
+//! energies of points and of bonds of what points gather.
+
+use piola_compiler::{
+    CliquePart, Compiled, CoupledBatch, CoupledKernel, FamilyBatch, FamilyKernel, Form,
+    GatheredBatch, GatheredKernel, Kind, Measure, Mode, Model, Slot, Values, Variable,
+};
+use piola_runtime::output::decimal;
+
+use super::Exit;
+use super::derive::print_compile_error;
+use crate::cli::MeasureName;
+use crate::console;
+use crate::potential::Loaded;
+use crate::render;
+use crate::table;
+
+/// What is evaluated: a kernel with the columns that it takes.
+enum Subject<'a> {
+    Coupled(&'a CoupledKernel),
+    Numbers(&'a GatheredKernel),
+    Vectors(&'a FamilyKernel),
+}
+
+/// Whether it names an energy of several numbers; what it is an energy of.
+pub(super) fn of_several(measure: MeasureName) -> Option<&'static str> {
+    match measure {
+        MeasureName::Points => Some("points, of what they gather"),
+        MeasureName::Bonds => Some("bonds, of what their ends gather"),
+        MeasureName::Triangles => Some("triangles, of several measures"),
+        MeasureName::Tetrahedra => Some("tetrahedra, of several measures"),
+        MeasureName::L | MeasureName::A | MeasureName::V | MeasureName::F => None,
+    }
+}
+
+/// The words that `--measure` takes for the energies of several numbers of a potential.
+pub(super) fn words(model: &Model) -> Vec<&'static str> {
+    let coupled = model.coupled();
+    let gathered = |of_bonds: bool| {
+        let variants = model.dimensions().filter_map(|d| model.variant(d));
+        variants.flat_map(|one| &one.gathered_energies).any(|one| one.of_bonds == of_bonds)
+    };
+    let all = [
+        ("points", gathered(false)),
+        ("bonds", gathered(true)),
+        ("triangles", coupled.contains(&Measure::Area)),
+        ("tetrahedra", coupled.contains(&Measure::Volume)),
+    ];
+    all.into_iter().filter_map(|(word, is_there)| is_there.then_some(word)).collect()
+}
+
+/// Evaluates every row of a table with the columns of the energy.
+pub(super) fn execute(
+    loaded: &Loaded,
+    values: &Values,
+    mode: Mode,
+    (measure, points): (MeasureName, &str),
+) -> Exit {
+    let kinds = [Kind::Coupled, Kind::Gathered];
+    let compiled = match loaded.model.compile_only(&kinds, values, mode, Form::Accurate) {
+        Ok(compiled) => compiled,
+        Err(error) => {
+            print_compile_error(loaded, &error);
+            return Exit::Input;
+        }
+    };
+    compiled.dropped.iter().for_each(|dropped| console::note(&dropped.reason));
+    let Some(subject) = subject(&compiled, measure) else {
+        render::error("the parameters leave nothing of this energy: it is 0 everywhere", None);
+        return Exit::Input;
+    };
+    let (columns, by) = subject.columns(values.dimension);
+    let names: Vec<&str> = columns.iter().map(String::as_str).collect();
+    let Some(rows) = table::rows(points, &names, |_| None) else { return Exit::Input };
+    let (psi, gradient) = subject.evaluate(&rows, values);
+    print_rows((&columns, &by), &rows, &psi, &gradient)
+}
+
+fn subject(compiled: &Compiled, measure: MeasureName) -> Option<Subject<'_>> {
+    let coupled = |clique: Measure| {
+        let found = compiled.coupled.iter().find(|kernel| kernel.clique() == clique);
+        found.map(Subject::Coupled)
+    };
+    let (numbers, vectors) = (compiled.gathered.as_ref(), compiled.vectors.as_ref());
+    match measure {
+        MeasureName::Triangles => coupled(Measure::Area),
+        MeasureName::Tetrahedra => coupled(Measure::Volume),
+        MeasureName::Points => {
+            let of_numbers = numbers.and_then(|own| own.points.as_ref()).map(Subject::Numbers);
+            of_numbers.or(vectors.and_then(|own| own.points.as_ref()).map(Subject::Vectors))
+        }
+        _ => {
+            let of_numbers = numbers.and_then(|own| own.bonds.as_ref()).map(Subject::Numbers);
+            of_numbers.or(vectors.and_then(|own| own.bonds.as_ref()).map(Subject::Vectors))
+        }
+    }
+}
+
+impl Subject<'_> {
+    /// The columns of the table, and what the energy is differentiated by.
+    fn columns(&self, d: usize) -> (Vec<String>, Vec<String>) {
+        let axes = |stem: &'static str| (1..=d).map(move |axis| format!("{stem}{axis}"));
+        match self {
+            Subject::Coupled(kernel) => {
+                let now = |variable: &Variable| variable.symbol().to_string();
+                let now: Vec<String> = kernel.variables().iter().map(now).collect();
+                let rest = now.iter().map(|symbol| at_rest(symbol));
+                (now.iter().cloned().chain(rest).collect(), now)
+            }
+            Subject::Numbers(kernel) => {
+                let of_bonds = kernel.of_bonds();
+                let n = kernel.n_variables() - usize::from(of_bonds);
+                let integrals = (1..=n).map(|k| format!("I{k}"));
+                let length = of_bonds.then(|| "l".to_string());
+                let by = length.iter().cloned().chain(integrals.clone()).collect();
+                let rest: Vec<String> = match kernel.fields().is_empty() {
+                    true => of_bonds.then(|| "L".to_string()).into_iter().collect(),
+                    false => axes("Xi").collect(),
+                };
+                (length.into_iter().chain(rest).chain(integrals).collect(), by)
+            }
+            Subject::Vectors(kernel) => {
+                let slot = |slot: &Slot| match slot {
+                    Slot::Length => "L".to_string(),
+                    Slot::Moved(axis) => format!("u{}", axis + 1),
+                    Slot::Own(k) => format!("I{}", k + 1),
+                    Slot::Neighbour(k) => format!("neighbour_I{}", k + 1),
+                    Slot::Multiplier(k) => format!("A{}", k + 1),
+                };
+                let by: Vec<String> = kernel.variables().iter().map(slot).collect();
+                let of_bonds = kernel.given().contains(&Slot::Length);
+                let rest = axes("Xi").filter(|_| of_bonds);
+                let given = kernel.given().iter().filter(|slot| **slot != Slot::Length).map(slot);
+                (rest.chain(by.iter().cloned()).chain(given).collect(), by)
+            }
+        }
+    }
+
+    /// psi and its derivatives, one array after the other.
+    fn evaluate(&self, rows: &[Vec<f64>], values: &Values) -> (Vec<f64>, Vec<f64>) {
+        let (n, d) = (rows.len(), values.dimension);
+        let column = |k: usize| rows.iter().map(move |row| row[k]);
+        let all = |columns: std::ops::Range<usize>| columns.flat_map(column).collect::<Vec<f64>>();
+        let length_of = |first: usize| {
+            let length = |row: &Vec<f64>| {
+                row[first..first + d].iter().fold(0.0, |sum, x| sum + x * x).sqrt()
+            };
+            rows.iter().map(length).collect::<Vec<f64>>()
+        };
+        let unit = |first: usize, lengths: &[f64]| {
+            let one = |axis: usize| {
+                let lengths = lengths.to_vec();
+                column(first + axis).zip(lengths).map(|(x, length)| x / length)
+            };
+            (0..d).flat_map(one).collect::<Vec<f64>>()
+        };
+        let mut psi = vec![0.0; n];
+        match self {
+            Subject::Coupled(kernel) => {
+                let m = kernel.variables().len();
+                let (variables, reference) = (all(0..m), all(m..2 * m));
+                let pairs = variables.iter().zip(&reference);
+                let change: Vec<f64> = pairs.map(|(now, rest)| (now - rest) / rest).collect();
+                let mut gradient = vec![0.0; m * n];
+                let (variables, reference, change) = (&variables, &reference, &change);
+                let at = CoupledBatch { n, variables, reference, change, fields: &[] };
+                kernel.evaluate(at, &mut psi, &mut gradient);
+                (psi, gradient)
+            }
+            Subject::Numbers(kernel) => {
+                let first = usize::from(kernel.of_bonds());
+                let has_directions = !kernel.fields().is_empty();
+                let (reference, behind) = match (has_directions, kernel.of_bonds()) {
+                    (true, _) => (length_of(first), first + d),
+                    (false, true) => (all(1..2), 2),
+                    (false, false) => (Vec::new(), 0),
+                };
+                let m = kernel.n_variables() - first;
+                let fields = if has_directions { unit(first, &reference) } else { Vec::new() };
+                let variables = [all(0..first), all(behind..behind + m)].concat();
+                let pairs = variables.iter().zip(&reference).filter(|_| kernel.of_bonds());
+                let change: Vec<f64> = pairs.map(|(l, rest)| (l - rest) / rest).collect();
+                let mut gradient = vec![0.0; kernel.n_variables() * n];
+                let reference = if kernel.of_bonds() { &reference[..] } else { &[] };
+                let (variables, change, fields) = (&variables, &change, &fields);
+                let at = GatheredBatch { n, variables, change, reference, fields };
+                kernel.evaluate(at, &mut psi, &mut gradient);
+                (psi, gradient)
+            }
+            Subject::Vectors(kernel) => {
+                let of_bonds = kernel.given().contains(&Slot::Length);
+                let first = if of_bonds { d } else { 0 };
+                let lengths = if of_bonds { length_of(0) } else { Vec::new() };
+                let m = kernel.variables().len();
+                let mut next = first + m;
+                let mut given = Vec::new();
+                for slot in kernel.given() {
+                    if *slot == Slot::Length {
+                        given.extend(&lengths);
+                    } else {
+                        given.extend(column(next));
+                        next += 1;
+                    }
+                }
+                let fields =
+                    if kernel.fields().is_empty() { Vec::new() } else { unit(0, &lengths) };
+                let mut gradient = vec![0.0; m * n];
+                let variables = all(first..first + m);
+                let at = FamilyBatch { n, variables: &variables, given: &given, fields: &fields };
+                kernel.evaluate(at, &mut psi, &mut gradient);
+                (psi, gradient)
+            }
+        }
+    }
+}
+
+/// `A` of `a`, `L2` of `l2`, `Angle` of `angle`.
+fn at_rest(symbol: &str) -> String {
+    let part = CliquePart::from_symbol(symbol).map(|part| part.reference_symbol());
+    let measure = Measure::ALL.into_iter().find(|measure| measure.symbol() == symbol);
+    part.or(measure.map(Measure::reference_symbol)).unwrap_or(symbol).to_string()
+}
+
+fn print_rows(
+    (columns, by): (&[String], &[String]),
+    rows: &[Vec<f64>],
+    psi: &[f64],
+    gradient: &[f64],
+) -> Exit {
+    let derivatives = by.iter().map(|name| format!("dpsi_d{name}"));
+    let header = columns.iter().cloned().chain(["psi".to_string()]).chain(derivatives);
+    let mut text = header.collect::<Vec<_>>().join(",") + "\n";
+    let mut first = None;
+    for (p, row) in rows.iter().enumerate() {
+        let of = (0..by.len()).map(|k| gradient[k * rows.len() + p]);
+        let found: Vec<f64> = std::iter::once(psi[p]).chain(of).collect();
+        if first.is_none() && !found.iter().all(|x| x.is_finite()) {
+            first = Some(p);
+        }
+        let all = row.iter().chain(&found).map(|x| decimal(*x));
+        text.push_str(&all.collect::<Vec<_>>().join(","));
+        text.push('\n');
+    }
+    console::out(&text);
+    let Some(first) = first else { return Exit::Done };
+    render::error(&format!("psi or a derivative is not finite in row {}", first + 1), None);
+    Exit::Findings
+}

@@ -16,6 +16,8 @@ pub(crate) enum MeasureName {
     /// Deformation gradient
     #[value(name = "F")]
     F,
+    /// Vector of a bond
+    Xi,
     /// What points gather, in an energy of points
     Points,
     /// What the ends of a bond gather, with its length or its vector
@@ -39,7 +41,7 @@ pub(crate) struct Eval {
     #[command(flatten)]
     pub(crate) inputs: Inputs,
     /// CSV with the columns `l,L` (or `a,A`, `v,V`, `F11,F12,..`; of points `I1,I2,..`, of bonds `l,L,I1,..`, of vectors
-    /// `Xi1,..,u1,..,I1,..`, as `piola derive` numbers them; of triangles `a,l1,..,A,L1,..`); `-` is the standard input
+    /// `Xi1,..,u1,..,I1,..` with `u = xi - Xi`, as `piola derive` numbers them; of triangles `a,l1,..,A,L1,..`); `-` is the standard input
     #[arg(long)]
     pub(crate) points: String,
     /// How it is computed

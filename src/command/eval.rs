@@ -47,13 +47,8 @@ pub(super) fn execute(arguments: &Eval) -> Exit {
         let known = arguments_of.iter().filter(|a| matches!(**a, "l" | "a" | "v" | "F"));
         let known = known.copied().chain(words);
         let has: Vec<String> = known.map(|a| format!("--measure {a}")).collect();
-        let help = match has.is_empty() {
-            true => {
-                "energies of the vector of a bond need a body: `piola energy SCENE`".to_string()
-            }
-            false => format!("use {}", has.join(" or ")),
-        };
-        render::error(&message, Some(help.as_str()));
+        let help = format!("use {}", has.join(" or "));
+        render::error(&message, (!has.is_empty()).then_some(help.as_str()));
         return Exit::Input;
     }
     if of_several.is_some() {

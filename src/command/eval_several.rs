@@ -18,6 +18,7 @@ use crate::table;
 /// What is evaluated: a kernel with the columns that it takes.
 enum Subject<'a> {
     Coupled(&'a CoupledKernel),
+    Vector(&'a CoupledKernel),
     Numbers(&'a GatheredKernel),
     Vectors(&'a FamilyKernel),
 }
@@ -27,6 +28,7 @@ pub(super) fn of_several(measure: MeasureName) -> Option<&'static str> {
     match measure {
         MeasureName::Points => Some("points, of what they gather"),
         MeasureName::Bonds => Some("bonds, of what their ends gather"),
+        MeasureName::Xi => Some("the vector of a bond"),
         MeasureName::Triangles => Some("triangles, of several measures"),
         MeasureName::Tetrahedra => Some("tetrahedra, of several measures"),
         MeasureName::L | MeasureName::A | MeasureName::V | MeasureName::F => None,
@@ -41,6 +43,7 @@ pub(super) fn words(model: &Model) -> Vec<&'static str> {
         variants.flat_map(|one| &one.gathered_energies).any(|one| one.of_bonds == of_bonds)
     };
     let all = [
+        ("xi", coupled.contains(&Measure::Length)),
         ("points", gathered(false)),
         ("bonds", gathered(true)),
         ("triangles", coupled.contains(&Measure::Area)),
@@ -83,6 +86,10 @@ fn subject(compiled: &Compiled, measure: MeasureName) -> Option<Subject<'_>> {
     };
     let (numbers, vectors) = (compiled.gathered.as_ref(), compiled.vectors.as_ref());
     match measure {
+        MeasureName::Xi => match coupled(Measure::Length)? {
+            Subject::Coupled(kernel) => Some(Subject::Vector(kernel)),
+            other => Some(other),
+        },
         MeasureName::Triangles => coupled(Measure::Area),
         MeasureName::Tetrahedra => coupled(Measure::Volume),
         MeasureName::Points => {
@@ -107,6 +114,7 @@ impl Subject<'_> {
                 let rest = now.iter().map(|symbol| at_rest(symbol));
                 (now.iter().cloned().chain(rest).collect(), now)
             }
+            Subject::Vector(_) => (axes("Xi").chain(axes("u")).collect(), axes("u").collect()),
             Subject::Numbers(kernel) => {
                 let of_bonds = kernel.of_bonds();
                 let n = kernel.n_variables() - usize::from(of_bonds);
@@ -167,6 +175,11 @@ impl Subject<'_> {
                 kernel.evaluate(at, &mut psi, &mut gradient);
                 (psi, gradient)
             }
+            Subject::Vector(kernel) => {
+                let gradients = rows.iter().map(|row| of_vector(kernel, row));
+                let (values, by_row): (Vec<f64>, Vec<Vec<f64>>) = gradients.unzip();
+                (values, (0..d).flat_map(|axis| by_row.iter().map(move |of| of[axis])).collect())
+            }
             Subject::Numbers(kernel) => {
                 let first = usize::from(kernel.of_bonds());
                 let has_directions = !kernel.fields().is_empty();
@@ -212,6 +225,44 @@ impl Subject<'_> {
             }
         }
     }
+}
+
+/// An energy of the vector of a bond with its derivatives by that, for a row of `Xi` and `xi - Xi`.
+fn of_vector(kernel: &CoupledKernel, row: &[f64]) -> (f64, Vec<f64>) {
+    let (rest, moved) = row.split_at(row.len() / 2);
+    let now: Vec<f64> = rest.iter().zip(moved).map(|(x, u)| x + u).collect();
+    let norm = |vector: &[f64]| vector.iter().fold(0.0, |square, x| square + x * x).sqrt();
+    let (length, length_now) = (norm(rest), norm(&now));
+    // l^2 - L^2 = (xi - Xi).(xi + Xi), which keeps its digits near rest.
+    let grown: f64 = moved.iter().zip(rest).zip(&now).map(|((u, x), y)| u * (x + y)).sum();
+    let change_of_length = grown / (length * (length + length_now));
+    let of = |length: f64, component: &dyn Fn(usize) -> f64| -> Vec<f64> {
+        let one = |variable: &Variable| variable.component().map_or(length, component);
+        kernel.variables().iter().map(one).collect()
+    };
+    let variables = of(length_now, &|axis| moved[axis]);
+    let (reference, change) = (of(length, &|_| length), of(change_of_length, &|axis| moved[axis]));
+    let unit = rest.iter().map(|x| x / length).filter(|_| !kernel.fields().is_empty());
+    let fields: Vec<f64> = unit.collect();
+    let (mut psi, mut gradient) = ([0.0], vec![0.0; variables.len()]);
+    let at = CoupledBatch {
+        n: 1,
+        variables: &variables,
+        reference: &reference,
+        change: &change,
+        fields: &fields,
+    };
+    kernel.evaluate(at, &mut psi, &mut gradient);
+    let mut by_vector = vec![0.0; rest.len()];
+    for (variable, slope) in kernel.variables().iter().zip(gradient) {
+        match variable.component() {
+            Some(axis) => by_vector[axis] += slope,
+            None => {
+                by_vector.iter_mut().zip(&now).for_each(|(by, x)| *by += slope * x / length_now)
+            }
+        }
+    }
+    (psi[0], by_vector)
 }
 
 /// `A` of `a`, `L2` of `l2`, `Angle` of `angle`.

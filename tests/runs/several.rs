@@ -59,6 +59,13 @@ fn energies_of_triangles_and_of_vectors_are_evaluated() {
     for (x, y) in found[0][8..].iter().zip(expected) {
         assert!((x - y).abs() <= 1e-14, "{found:?}");
     }
+    let text =
+        "potential law\nw = xi - Xi\ns = w*Xi/L\npsi(xi) = (3*s^2 + 2*(w*w) + (l - L)^2)/L\n";
+    let law = folder.file("vector.piola", text);
+    let found = evaluated(&[&law, "--measure", "xi", "--dim", "2"], "Xi1,Xi2,u1,u2\n2,0,1,4\n");
+    // xi = (3, 4), l = 5, L = 2; s = 1, w.w = 17.
+    let expected = [(3.0 + 34.0 + 9.0) / 2.0, (6.0 + 4.0 + 3.6) / 2.0, (16.0 + 4.8) / 2.0];
+    agrees(&found[0][4..], &expected);
     let text = "potential law\nM = integral(xi - Xi)\npsi(M) = M*M/2\npsi(xi, M) = (xi - Xi)*(M + neighbour(M))\n";
     let law = folder.file("vectors.piola", text);
     let of = |measure, table| {

@@ -85,6 +85,11 @@ impl Values {
         Values { fields: fields.collect(), ..self.clone() }
     }
 
+    /// The same with nothing among the fields but the direction of a bond, whatever was.
+    pub(crate) fn with_directions_alone(&self, model: &Model) -> Values {
+        model.directions(self.dimension).fold(self.without_fields(), Values::with_field)
+    }
+
     /// The same where the bonds that are meant have this direction at rest, a unit vector of d components.
     pub fn with_direction(mut self, model: &Model, direction: &[f64]) -> Values {
         for (number, component) in model.directions(self.dimension).zip(direction) {

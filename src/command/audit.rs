@@ -131,12 +131,15 @@ fn input(audit: &Audit, regime: &Regime, order: usize) -> String {
             format!("F - I = ({})", listed(change, ", "))
         }
         Some(Place::Gradient { gradient, .. }) => format!("F = ({})", listed(gradient, ", ")),
-        Some(Place::Several(numbers)) => {
-            let one = |(name, x): &(String, f64)| format!("{name} = {}", decimal(*x));
-            numbers.iter().map(one).collect::<Vec<_>>().join(", ")
-        }
+        Some(place @ Place::Several { .. }) => numbers(place),
         None => String::new(),
     }
+}
+
+/// `I1 = 2, I2 = 3`
+fn numbers(place: &Place) -> String {
+    let one = |(name, x): (&str, f64)| format!("{name} = {}", decimal(x));
+    place.numbers().map(one).collect::<Vec<_>>().join(", ")
 }
 
 fn listed(numbers: &[f64], separator: &str) -> String {
@@ -164,8 +167,8 @@ fn csv(audits: &[Audit]) -> String {
                     Some(Place::Gradient { gradient, change, .. }) => {
                         [listed(gradient, " "), String::new(), listed(change, " ")]
                     }
-                    Some(Place::Several(numbers)) => {
-                        let numbers: Vec<f64> = numbers.iter().map(|(_, x)| *x).collect();
+                    Some(place @ Place::Several { .. }) => {
+                        let numbers: Vec<f64> = place.numbers().map(|(_, x)| x).collect();
                         [listed(&numbers, " "), String::new(), String::new()]
                     }
                     None => [const { String::new() }; 3],
@@ -192,9 +195,9 @@ fn json_lines(file: &str, dimension: usize, audits: &[Audit], bar: f64) -> Strin
     let at = |place: &Option<Place>| match place {
         Some(Place::Interaction(point)) => json!([point.measure, point.reference]),
         Some(Place::Gradient { gradient, change, .. }) => json!({ "F": gradient, "F-I": change }),
-        Some(Place::Several(numbers)) => {
-            let number = |(name, x): &(String, f64)| (name.clone(), json!(x));
-            Value::Object(numbers.iter().map(number).collect())
+        Some(place @ Place::Several { .. }) => {
+            let number = |(name, x): (&str, f64)| (name.to_string(), json!(x));
+            Value::Object(place.numbers().map(number).collect())
         }
         None => Value::Null,
     };

@@ -41,12 +41,6 @@ pub(super) fn execute(arguments: &Derive) -> Exit {
         }
         _ => {}
     }
-    if loaded.model.has_gathered_energy() && arguments.explain {
-        console::note("energies of gathered values are not explained: see `piola verify`");
-    }
-    if !loaded.model.coupled().is_empty() && arguments.explain {
-        console::note("energies of several measures are not explained: see `piola verify`");
-    }
     if arguments.explain {
         return explain(&loaded, dimension, arguments);
     }
@@ -234,9 +228,7 @@ fn explain(loaded: &Loaded, dimension: usize, arguments: &Derive) -> Exit {
                         .into(),
                 );
             }
-            if loaded.model.has_gradient_energy() || !loaded.model.measures().is_empty() {
-                parts.push(left(loaded, found.is_empty() && recognised.is_empty(), &lost));
-            }
+            parts.push(left(loaded, found.is_empty() && recognised.is_empty(), &lost));
             console::out(&parts.join("\n"));
             Exit::Done
         }
@@ -250,10 +242,13 @@ fn explain(loaded: &Loaded, dimension: usize, arguments: &Derive) -> Exit {
 /// What is lost in the form that runs.
 fn left(loaded: &Loaded, is_as_written: bool, lost: &[Lost]) -> String {
     if lost.is_empty() {
-        let [energy, first, second] = match loaded.model.measures().is_empty() {
-            true => Argument::Gradient.orders(),
-            false => ["psi", "psi'", "psi''"],
-        };
+        let model = &loaded.model;
+        let [energy, first, second] =
+            match (model.measures().is_empty(), model.has_gradient_energy()) {
+                (false, _) => ["psi", "psi'", "psi''"],
+                (true, true) => Argument::Gradient.orders(),
+                (true, false) => ["psi", "its gradient", "what that changes by"],
+            };
         let subject =
             if is_as_written { "nothing is rewritten, and nothing" } else { "nothing else" };
         return format!(
@@ -272,7 +267,10 @@ fn left(loaded: &Loaded, is_as_written: bool, lost: &[Lost]) -> String {
                 format!("where F - I = {}", rows(change))
             }
             Place::Gradient { gradient, .. } => format!("where F = {}", rows(gradient)),
-            Place::Several(_) => String::new(),
+            Place::Several { .. } => {
+                let one = |(name, x): (&str, f64)| format!("{name} = {}", short(x));
+                format!("at {}", at.numbers().map(one).collect::<Vec<_>>().join(", "))
+            }
         };
         out.push_str(&format!(
             "  {} is off by {} {place}\n    {}\n",
@@ -287,14 +285,18 @@ fn left(loaded: &Loaded, is_as_written: bool, lost: &[Lost]) -> String {
 /// A tensor to three digits: `(1, 0; 0, 1)`.
 fn rows(components: &[f64]) -> String {
     let d = if components.len() == 4 { 2 } else { 3 };
-    let number = |x: &f64| match x.abs() {
+    let row = |row: &[f64]| row.iter().map(|x| short(*x)).collect::<Vec<_>>().join(", ");
+    format!("({})", components.chunks(d).map(row).collect::<Vec<_>>().join("; "))
+}
+
+/// A number to three digits.
+fn short(x: f64) -> String {
+    match x.abs() {
         size if size == 0.0 || (1e-2..1e4).contains(&size) => {
             format!("{}", (x * 1e3).round() / 1e3)
         }
         _ => format!("{x:.2e}"),
-    };
-    let row = |row: &[f64]| row.iter().map(number).collect::<Vec<_>>().join(", ");
-    format!("({})", components.chunks(d).map(row).collect::<Vec<_>>().join("; "))
+    }
 }
 
 fn units(error: f64) -> String {

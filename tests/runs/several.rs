@@ -107,6 +107,16 @@ fn energies_of_several_numbers_are_audited() {
     for part in ["missed: psi at l1 over rest, less 1 = ", "l3 at rest = "] {
         assert!(told.contains(part), "{part}\n{told}");
     }
+    // And by what.
+    let text = "potential lossy\ns = integral((l/L)^2)\npsi(s) = (s - 3)^2 - 9 + 6*s\n\
+                psi(l1, l2) = (l1/L1 - l2/L2)^2\n";
+    let lossy = folder.file("lossy.piola", text);
+    let told = piola(&["derive", &lossy, "--dim", "2", "--explain"]).expect(0).stdout;
+    for part in ["psi(s) is off by ", " at I1 = ", "digits cancel in `(s - 3)^2 - 9 + 6*s`"] {
+        assert!(told.contains(part), "{part}\n{told}");
+    }
+    let told = piola(&["derive", SOLID[0], "--explain"]).expect(0).stdout;
+    assert!(told.contains("nothing is lost: psi, its gradient and what"), "{told}");
 }
 
 /// Conditions and next states of what points gather are audited, too.

@@ -1,7 +1,7 @@
 //! What is still lost, and by which subexpression: an audit with causes.
 
 use super::functions::functions_at;
-use super::{Place, Settings, audit};
+use super::{Place, Settings, audit, several};
 use crate::measure::Argument;
 use crate::model::Model;
 use crate::point::GradientEnergyForms;
@@ -16,8 +16,8 @@ use crate::verify::{Cause, Subject};
 /// A subexpression that loses digits in the compiled form.
 #[derive(Clone, Debug)]
 pub struct Lost {
-    /// The energy it belongs to.
-    pub argument: Argument,
+    /// The energy it belongs to; nothing of a function of several numbers.
+    pub argument: Option<Argument>,
     /// What it belongs to, if that is no energy.
     pub function: Option<Subject>,
     /// The subexpression.
@@ -78,10 +78,12 @@ pub fn lost(
                 };
                 let Some(cause) = cause else { continue };
                 let error = regime.worst[order];
+                let argument = Some(argument);
                 note(&mut all, Lost { argument, function: None, cause, at, error });
             }
         }
     }
+    several::lost(model, values, settings)?.into_iter().for_each(|one| note(&mut all, one));
     for values in histories(model, values)? {
         lost_of_functions(model, &values, settings, &mut all)?;
     }
@@ -102,7 +104,7 @@ fn lost_of_functions(
         for regime in missed.filter(|regime| regime.worst[0] > settings.bar) {
             let Some(Place::Interaction(point)) = regime.at[0] else { continue };
             let Some(cause) = cause(model, &derived.scalar_energy(), 0, point) else { continue };
-            let (argument, error) = (Argument::Measure(derived.measure), regime.worst[0]);
+            let (argument, error) = (Some(Argument::Measure(derived.measure)), regime.worst[0]);
             let function = Some(subject.clone());
             let at = Place::Interaction(point);
             note(all, Lost { argument, function, cause, at, error });
@@ -114,12 +116,25 @@ fn lost_of_functions(
 impl Lost {
     /// What loses them: `psi'(l)`, `margin of break when l/L - 1 > s0`.
     pub fn subject(&self) -> String {
-        match &self.function {
-            None => {
-                format!("{}({})", self.argument.orders()[self.cause.order], self.argument.symbol())
+        let order = self.cause.order;
+        match (&self.function, self.argument) {
+            (None, Some(argument)) => {
+                format!("{}({})", argument.orders()[order], argument.symbol())
             }
-            Some(Subject::NextState(_, text)) => format!("update {text}"),
-            Some(function) => format!("the margin of `{}`", function.symbol()),
+            (None, None) => String::new(),
+            (Some(Subject::NextState(_, text)), _) => format!("update {text}"),
+            (Some(function @ Subject::Margin(..)), _) => {
+                format!("the margin of `{}`", function.symbol())
+            }
+            (Some(function), _) => {
+                let of = ["psi", "the gradient of psi", "the product of psi"][order];
+                match function {
+                    Subject::Gathering(text) => {
+                        format!("the {} of {text}", function.orders()[order])
+                    }
+                    _ => format!("{of}({})", function.symbol()),
+                }
+            }
         }
     }
 }

@@ -68,8 +68,24 @@ pub enum Place {
         /// Whether it is `F - I` that is given, and `F` is rounded.
         is_near: bool,
     },
-    /// Of a function of several numbers, what these are called and what they are.
-    Several(Vec<(String, f64)>),
+    /// Of a function of several numbers.
+    Several {
+        /// What these are called, but for those of a direction.
+        names: Vec<String>,
+        /// What they are, those of the direction last.
+        given: Vec<f64>,
+    },
+}
+
+impl Place {
+    /// The numbers of a function of several, with their names, without those of a direction.
+    pub fn numbers(&self) -> impl Iterator<Item = (&str, f64)> {
+        let (names, given) = match self {
+            Place::Several { names, given } => (&names[..], &given[..]),
+            _ => (&[][..], &[][..]),
+        };
+        names.iter().map(String::as_str).zip(given.iter().copied())
+    }
 }
 
 /// Errors in one regime.

@@ -150,6 +150,17 @@ impl Model {
         self.function_of_vectors((variant, which), Known(Some(values)), form)
     }
 
+    /// Its form, if something is left of it.
+    pub(crate) fn form_of_vectors(
+        &self,
+        (variant, which): (&Variant, Which),
+        values: &Values,
+        form: Form,
+    ) -> Option<DensityForm> {
+        let made = self.function_of_vectors((variant, which), Known(Some(values)), form);
+        made.ok()?.0.map(|made| made.form)
+    }
+
     /// The same of a variant, with parameters as symbols where there are no values.
     pub(super) fn function_of_vectors(
         &self,

@@ -17,7 +17,7 @@ use super::sample::Point;
 const BITS: usize = 1408;
 
 /// What is right beyond any doubt.
-pub(super) type Exact = Precise<BITS>;
+pub(crate) type Exact = Precise<BITS>;
 
 /// An operand with so much of the error of an expression is where the error comes from.
 const PASSED_ON: f64 = 1.0 / 16.0;

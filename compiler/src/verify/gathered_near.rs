@@ -117,6 +117,11 @@ impl Place {
         Place { variables, change, reference, direction: direction.to_vec() }
     }
 
+    /// The variables, the direction, and of bonds the length at rest.
+    pub(crate) fn inputs(&self) -> (&[f64], &[f64], Option<f64>) {
+        (&self.variables, &self.direction, self.change.map(|_| self.reference))
+    }
+
     /// These numbers.
     pub(crate) fn given(&self) -> Vec<f64> {
         let bond: Vec<f64> = self.change.map_or(Vec::new(), |change| vec![change, self.reference]);

@@ -5,7 +5,8 @@
 //! digits is looked up by its true value among the numbers that the text states, each evaluated as it
 //! was written; what is only made by differentiation is what the energy as written loses digits in.
 
-use super::cause::{Cause, Compared, Exact, Part, Stated};
+pub(crate) use super::cause::Exact;
+use super::cause::{Cause, Compared, Part, Stated};
 use crate::density::DensityForm;
 use crate::expression::number::Number;
 use crate::expression::{Input, NodeId, Operator};
@@ -102,6 +103,18 @@ pub(crate) fn cause_of_gathered(
     };
     let variant = model.variant(values.dimension)?;
     cause((model, values, variant), form, order, &given, true)
+}
+
+/// Where a function of several numbers, its gradient or its product loses its digits; inputs are given as doubles, and
+/// exactly.
+pub(crate) fn cause_of_several(
+    (model, values): (&Model, &Values),
+    form: &DensityForm,
+    order: usize,
+    (double, exact): (impl Fn(Input) -> f64, impl Fn(Input) -> Exact),
+) -> Option<Cause> {
+    let variant = model.variant(values.dimension)?;
+    cause((model, values, variant), form, order, &Given { double, exact }, true)
 }
 
 /// Where psi, its gradient or its product (`order` 0, 1, 2) loses its digits at a place; inputs are given

@@ -130,11 +130,27 @@ impl Place {
     /// These numbers.
     pub(crate) fn given(&self, kernel: &FamilyKernel) -> Vec<f64> {
         let slots = kernel.variables().iter().chain(kernel.given()).map(|slot| self.slot(*slot));
-        let direction = &self.random[1][..kernel.variables().len()];
+        let direction = self.direction(kernel);
         slots.chain(self.unit.iter().copied()).chain(direction.iter().copied()).collect()
     }
 
-    fn slot(&self, slot: Slot) -> f64 {
+    /// The direction of products.
+    pub(crate) fn direction(&self, kernel: &FamilyKernel) -> &[f64] {
+        &self.random[1][..kernel.variables().len()]
+    }
+
+    /// The direction of the bond at rest.
+    pub(crate) fn unit(&self) -> &[f64] {
+        &self.unit
+    }
+
+    /// The length of the bond now.
+    pub(crate) fn length(&self) -> f64 {
+        let now = self.unit.iter().zip(&self.moved).map(|(n, u)| n * self.length + u);
+        now.fold(0.0, |sum, x| sum + x * x).sqrt()
+    }
+
+    pub(crate) fn slot(&self, slot: Slot) -> f64 {
         match slot {
             Slot::Length => self.length,
             Slot::Moved(axis) => self.moved[axis],

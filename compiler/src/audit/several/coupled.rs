@@ -1,45 +1,81 @@
 //! Energies of several measures of triangles, tetrahedra and bonds.
 
-use super::{Function, Sampled, power_of_ten, regimes, strains};
-use crate::audit::{Audit, Settings};
+use super::{CauseAt, Found, Function, Sampled, audited, power_of_ten, strains};
+use crate::audit::Settings;
 use crate::clique::Variable;
 use crate::compile::Kind;
 use crate::coupled::{CoupledBatch, CoupledKernel, WrittenCoupledEnergy, argument};
+use crate::density::DensityForm;
+use crate::expression::number::Number;
+use crate::expression::{Input, Operator};
 use crate::kernel::Mode;
 use crate::model::Model;
 use crate::specialise::CompileError;
 use crate::values::Values;
-use crate::verify::Subject;
 use crate::verify::coupled::Place;
 use crate::verify::sample::Random;
+use crate::verify::stated::{Exact, cause_of_several};
+use crate::verify::{Cause, Subject};
 
 pub(super) fn audit(
     model: &Model,
     values: &Values,
     settings: &Settings,
-) -> Result<Vec<Audit>, CompileError> {
+) -> Result<Vec<Found>, CompileError> {
     let mode = Mode::Jit(settings.level);
     let compiled = model.compile_only(&[Kind::Coupled], values, mode, settings.form)?;
     let variant =
         model.variant(values.dimension).ok_or(CompileError::WrongDimension(values.dimension))?;
     let audit = |kernel: &CoupledKernel| {
         let written = model.written_coupled(values, kernel.clique(), kernel.variables());
-        let regimes = regimes(
-            &function(kernel, &written),
-            sampled(kernel, settings.points.min(MOST)),
-            (settings, 3),
-        );
+        let (form, _) = model.specialise_coupled(values, kernel.clique(), settings.form)?;
+        let form = form.map(|form| form.density);
+        let cause = |order: usize, given: &[f64]| {
+            cause((model, values), form.as_ref()?, order, (kernel.variables(), given))
+        };
+        let function = function((kernel, &written), Box::new(cause));
+        let sampled = sampled(kernel, settings.points.min(MOST));
         let symbols = kernel.variables().iter().map(Variable::symbol).collect();
-        Audit::of(Subject::Coupled(argument(variant, kernel.clique()), symbols), None, regimes)
+        let subject = Subject::Coupled(argument(variant, kernel.clique()), symbols);
+        Ok(audited(&function, sampled, (settings, 3), subject))
     };
-    Ok(compiled.coupled.iter().map(audit).collect())
+    compiled.coupled.iter().map(audit).collect()
+}
+
+fn cause(
+    of: (&Model, &Values),
+    form: &DensityForm,
+    order: usize,
+    (variables, given): (&[Variable], &[f64]),
+) -> Option<Cause> {
+    let place = Place::of(variables, given);
+    let found = |input| {
+        let own = |variable: &Variable| variable.inputs.iter().position(|own| *own == input);
+        variables.iter().enumerate().find_map(|(k, variable)| Some((k, own(variable)?)))
+    };
+    let double = |input| match (found(input), input) {
+        (Some((k, which)), _) => [&place.variables, &place.reference, &place.change][which][k],
+        (None, Input::Direction(k)) => place.direction[usize::from(k)],
+        _ => f64::NAN,
+    };
+    let exact = |input| match found(input) {
+        Some((k, 0)) if variables[k].component().is_none() => {
+            let stretch = Exact::line(place.change[k], 0.0, 1.0);
+            Exact::binary(Operator::Multiply, Exact::constant(place.reference[k]), stretch)
+        }
+        _ => Exact::constant(double(input)),
+    };
+    cause_of_several(of, form, order, (double, exact))
 }
 
 /// Most places of a regime: true values of arc tangents in 256 bits take milliseconds.
 const MOST: usize = 4;
 
 /// Changes since rest, or what ends have moved by, then measures at rest, then the direction.
-fn function<'a>(kernel: &'a CoupledKernel, written: &'a WrittenCoupledEnergy) -> Function<'a> {
+fn function<'a>(
+    (kernel, written): (&'a CoupledKernel, &'a WrittenCoupledEnergy),
+    cause: CauseAt<'a>,
+) -> Function<'a> {
     let variables = kernel.variables();
     let n = variables.len();
     let change = |variable: &Variable| match variable.component() {
@@ -61,6 +97,7 @@ fn function<'a>(kernel: &'a CoupledKernel, written: &'a WrittenCoupledEnergy) ->
             [psi, gradient, product].concat()
         }),
         truth: Box::new(move |given| place(given).truth(written)),
+        cause,
     }
 }
 

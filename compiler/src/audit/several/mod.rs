@@ -9,11 +9,12 @@ mod numbers;
 mod vectors;
 
 use super::tensor::tensor_in_units;
-use super::{Audit, Place, Regime, Settings};
+use super::{Audit, Lost, Place, Regime, Settings};
 use crate::model::Model;
 use crate::point::truth::{norm, parts};
 use crate::specialise::CompileError;
 use crate::values::Values;
+use crate::verify::{Cause, Subject};
 
 /// Regimes near rest: strains of 1e-1 to 1e-15.
 const DECADES: std::ops::RangeInclusive<i32> = 1..=15;
@@ -21,16 +22,30 @@ const DECADES: std::ops::RangeInclusive<i32> = 1..=15;
 /// Part of itself by which a number is changed to see what depends on it.
 const STEP: i32 = -20;
 
+/// Value, gradient and product of a kernel at a place.
+type FoundAt<'a> = Box<dyn Fn(&[f64]) -> Vec<f64> + 'a>;
+
+/// What is true for exactly these numbers; nothing where that is no finite number.
+type TruthAt<'a> = Box<dyn Fn(&[f64]) -> Option<Vec<f64>> + 'a>;
+
+/// Which subexpression loses digits of value, gradient or product there, where that is known.
+type CauseAt<'a> = Box<dyn Fn(usize, &[f64]) -> Option<Cause> + 'a>;
+
 /// A function of several numbers, compiled and as written.
 struct Function<'a> {
     /// What the numbers are called, but for those of the direction, which come last.
     names: Vec<String>,
     /// How many it is differentiated by.
     n_variables: usize,
-    /// Value, gradient and product of the kernel.
-    found: Box<dyn Fn(&[f64]) -> Vec<f64> + 'a>,
-    /// What is true for exactly these numbers; nothing where that is no finite number.
-    truth: Box<dyn Fn(&[f64]) -> Option<Vec<f64>> + 'a>,
+    found: FoundAt<'a>,
+    truth: TruthAt<'a>,
+    cause: CauseAt<'a>,
+}
+
+/// What a function of several numbers was found to lose, and by what.
+struct Found {
+    audit: Audit,
+    lost: Vec<Lost>,
 }
 
 /// A regime before it is judged: its name, the decade of its strain, the numbers of its places.
@@ -46,12 +61,45 @@ pub fn several(
     values: &Values,
     settings: &Settings,
 ) -> Result<Vec<Audit>, CompileError> {
+    Ok(found(model, values, settings)?.into_iter().map(|found| found.audit).collect())
+}
+
+/// What the same functions lose, each subexpression once, as [`super::lost`] says it.
+pub(super) fn lost(
+    model: &Model,
+    values: &Values,
+    settings: &Settings,
+) -> Result<Vec<Lost>, CompileError> {
+    Ok(found(model, values, settings)?.into_iter().flat_map(|found| found.lost).collect())
+}
+
+fn found(model: &Model, values: &Values, settings: &Settings) -> Result<Vec<Found>, CompileError> {
     let mut all = coupled::audit(model, &values.without_fields(), settings)?;
     all.extend(match model.gathers_vectors() {
         true => vectors::audit(model, values, settings)?,
         false => numbers::audit(model, &values.without_fields(), settings)?,
     });
     Ok(all)
+}
+
+/// Audits a function, and says by what it loses digits.
+fn audited(
+    function: &Function<'_>,
+    sampled: Vec<Sampled>,
+    (settings, n_orders): (&Settings, usize),
+    subject: Subject,
+) -> Found {
+    let audit = Audit::of(subject, None, regimes(function, sampled, (settings, n_orders)));
+    let mut lost = Vec::new();
+    for regime in &audit.regimes {
+        for order in (0..n_orders).filter(|&order| regime.worst[order] > settings.bar) {
+            let Some(at @ Place::Several { given, .. }) = &regime.at[order] else { continue };
+            let Some(cause) = (function.cause)(order, given) else { continue };
+            let (function, error) = (audit.function.clone(), regime.worst[order]);
+            lost.push(Lost { argument: None, function, cause, at: at.clone(), error });
+        }
+    }
+    Found { audit, lost }
 }
 
 pub(super) use numbers::functions;
@@ -93,8 +141,9 @@ fn measure_errors(
             }
             false => raw,
         };
-        regime.see(order, [raw, left], || {
-            Place::Several(function.names.iter().cloned().zip(given.iter().copied()).collect())
+        regime.see(order, [raw, left], || Place::Several {
+            names: function.names.clone(),
+            given: given.to_vec(),
         });
     }
 }

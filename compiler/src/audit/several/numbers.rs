@@ -1,6 +1,6 @@
 //! Energies of points and of bonds of numbers that points gather, with conditions and next states of these.
 
-use super::{Function, Sampled, power_of_ten, regimes, strains};
+use super::{CauseAt, Found, Function, Sampled, audited, power_of_ten, strains};
 use crate::audit::{Audit, Settings};
 use crate::compile::Kind;
 use crate::gathered::{GatheredKernel, GatheredKernels, WrittenGatheredEnergy, argument};
@@ -12,22 +12,28 @@ use crate::verify::Subject;
 use crate::verify::families::a_second_later;
 use crate::verify::gathered_near::Place;
 use crate::verify::sample::Random;
+use crate::verify::stated::cause_of_gathered;
 
 pub(super) fn audit(
     model: &Model,
     values: &Values,
     settings: &Settings,
-) -> Result<Vec<Audit>, CompileError> {
+) -> Result<Vec<Found>, CompileError> {
     let Some(gathered) = compiled(model, values, settings)? else { return Ok(Vec::new()) };
     let variant =
         model.variant(values.dimension).ok_or(CompileError::WrongDimension(values.dimension))?;
     let audit = |kernel: &GatheredKernel| {
         let written = model.written_gathered(values, kernel.of_bonds());
         let subject = Subject::Gathered(argument(variant, kernel.of_bonds()));
+        let (form, _) = model.specialise_gathered(values, kernel.of_bonds(), settings.form)?;
+        let cause = |order: usize, given: &[f64]| {
+            let place = Place::of(kernel.of_bonds(), given);
+            cause_of_gathered((model, values), form.as_ref()?, order, place.inputs())
+        };
         let of = (kernel, &written, &gathered.integrals[..]);
-        Audit::of(subject, None, regimes_of(of, (settings, 3)))
+        Ok(judged(of, (settings, 3), subject, Box::new(cause)))
     };
-    Ok([&gathered.points, &gathered.bonds].into_iter().flatten().map(audit).collect())
+    [&gathered.points, &gathered.bonds].into_iter().flatten().map(audit).collect()
 }
 
 /// Margins of conditions of gathered numbers, then what states of points become, with states by the values.
@@ -47,15 +53,15 @@ pub(in crate::audit) fn functions(
     let mode = Mode::Jit(settings.level);
     let integrals = &gathered.integrals[..];
     for one in model.gathered_criteria(values, mode, settings.form)? {
-        let regimes = regimes_of((&one.margin, &one.written, integrals), (settings, 1));
-        all.push(Audit::of(Subject::Margin(None, one.text), None, regimes));
+        let of = (&one.margin, &one.written, integrals);
+        all.push(judged(of, (settings, 1), Subject::Margin(None, one.text), nothing()).audit);
     }
     let later = a_second_later(model, values).without_fields();
     for one in model.gathered_next_states(&later, mode, settings.form)? {
-        let regimes = regimes_of((&one.next, &one.written, integrals), (settings, 1));
+        let of = (&one.next, &one.written, integrals);
         let text = format!("{} = {}", model.input_name(one.state), one.text);
         let subject = Subject::NextState(Of::Family(OfFamily::Points), text);
-        all.push(Audit::of(subject, None, regimes));
+        all.push(judged(of, (settings, 1), subject, nothing()).audit);
     }
     Ok(all)
 }
@@ -69,10 +75,17 @@ fn compiled(
     Ok(model.compile_only(&[Kind::Gathered], values, mode, settings.form)?.gathered)
 }
 
-fn regimes_of(
+/// For those of whom nobody asks by what they lose digits.
+fn nothing() -> CauseAt<'static> {
+    Box::new(|_, _| None)
+}
+
+fn judged(
     (kernel, written, integrals): (&GatheredKernel, &WrittenGatheredEnergy, &[Kernel]),
     settings: (&Settings, usize),
-) -> Vec<crate::audit::Regime> {
+    subject: Subject,
+    cause: CauseAt<'_>,
+) -> Found {
     let of_bonds = kernel.of_bonds();
     let bond = ["(l - L)/L", "L"].into_iter().filter(|_| of_bonds).map(str::to_string);
     let gathered = (1..=integrals.len()).map(|k| format!("I{k}"));
@@ -81,8 +94,10 @@ fn regimes_of(
         n_variables: kernel.n_variables(),
         found: Box::new(move |given| Place::of(of_bonds, given).values(kernel)),
         truth: Box::new(move |given| Place::of(of_bonds, given).truth(written)),
+        cause,
     };
-    regimes(&function, sampled(of_bonds, integrals, settings.0.points), settings)
+    let sampled = sampled(of_bonds, integrals, settings.0.points);
+    audited(&function, sampled, settings, subject)
 }
 
 /// Bonds of random families, and their points.

@@ -1,7 +1,10 @@
 //! What points gather of vectors, and energies of it.
 
-use super::{Function, Sampled, power_of_ten, regimes, strains};
-use crate::audit::{Audit, Settings};
+use super::{Found, Function, Sampled, audited, power_of_ten, strains};
+use crate::audit::Settings;
+use crate::clique::Part;
+use crate::expression::Input;
+use crate::expression::number::Number as _;
 use crate::gathered::vectors::Which;
 use crate::gathered::{FamilyKernel, Slot, VectorKernels, WrittenFamily};
 use crate::kernel::Mode;
@@ -9,6 +12,7 @@ use crate::model::Model;
 use crate::specialise::CompileError;
 use crate::values::Values;
 use crate::verify::sample::Random;
+use crate::verify::stated::{Exact, cause_of_several};
 use crate::verify::vectors::{Place, Places, Seen, bond, evaluate, of, subject};
 
 /// Most places of a regime: true values of a gradient by dozens of numbers take tens of milliseconds.
@@ -21,8 +25,8 @@ pub(super) fn audit(
     model: &Model,
     values: &Values,
     settings: &Settings,
-) -> Result<Vec<Audit>, CompileError> {
-    let values = &values.without_parameters_that_vary(model);
+) -> Result<Vec<Found>, CompileError> {
+    let values = &values.with_directions_alone(model);
     let variant =
         model.variant(values.dimension).ok_or(CompileError::WrongDimension(values.dimension))?;
     let mut kernels = None;
@@ -32,14 +36,19 @@ pub(super) fn audit(
     let audit = |which: Which| {
         let kernel = of(&kernels, which)?;
         let written = model.written_vectors(values, which);
-        let function = function(kernel, &written, (model, values), kernels.n_gathered);
+        let mut function = function(kernel, &written, (model, values), kernels.n_gathered);
+        let form = model.form_of_vectors((variant, which), values, settings.form);
+        function.cause = Box::new(move |order, given| {
+            let place = Place::of(kernel, (values.dimension, kernels.n_gathered), given);
+            let (double, exact) = inputs(&place, (model, values), kernel);
+            cause_of_several((model, values), form.as_ref()?, order, (double, exact))
+        });
         let given = |(name, strain, places): &(String, Option<f64>, Vec<Place>)| -> Sampled {
             let places = places.iter().map(|place| place.given(kernel)).collect();
             (name.clone(), *strain, places)
         };
         let sampled = sampled.iter().map(given).collect();
-        let regimes = regimes(&function, sampled, (settings, 3));
-        Some(Audit::of(subject(variant, which), None, regimes))
+        Some(audited(&function, sampled, (settings, 3), subject(variant, which)))
     };
     let all = [Which::Integrands, Which::Functions, Which::Points, Which::Bonds];
     Ok(all.into_iter().filter_map(audit).collect())
@@ -72,7 +81,37 @@ fn function<'a>(
             let places = place(given);
             Seen { written, kernel, places: &places }.truth(0)
         }),
+        cause: Box::new(|_, _| None),
     }
+}
+
+/// The inputs of a graph at a place, in doubles and exactly.
+fn inputs<'a>(
+    place: &'a Place,
+    (model, values): (&'a Model, &'a Values),
+    kernel: &'a FamilyKernel,
+) -> (impl Fn(Input) -> f64 + 'a, impl Fn(Input) -> Exact + 'a) {
+    let directions = model.directions(values.dimension);
+    let double = move |input| match input {
+        Input::Direction(k) => place.direction(kernel)[usize::from(k)],
+        Input::Parameter(number) => {
+            let axis = directions.clone().position(|own| own == number);
+            axis.map_or(f64::NAN, |axis| place.unit()[axis])
+        }
+        Input::Current(_) => place.length(),
+        Input::Change(_) => place.length() / place.slot(Slot::Length) - 1.0,
+        Input::Reference(_) => place.slot(Slot::Length),
+        Input::Part(Part::Moved(axis)) => place.slot(Slot::Moved(usize::from(axis))),
+        Input::Integral(k) => place.slot(Slot::Own(usize::from(k))),
+        Input::Neighbour(k) => place.slot(Slot::Neighbour(usize::from(k))),
+        Input::Multiplier(k) => place.slot(Slot::Multiplier(usize::from(k))),
+        _ => f64::NAN,
+    };
+    let exact = {
+        let double = double.clone();
+        move |input| Exact::constant(double(input))
+    };
+    (double, exact)
 }
 
 /// Bonds of random families, strained, stretched, and turned.

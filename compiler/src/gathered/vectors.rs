@@ -217,16 +217,11 @@ impl Model {
         let (graph, roots) = self.digits((variant, &fold), graph, roots, form)?;
         let changes = changing(variant);
         let is_of_bonds = which == Which::Bonds;
-        let made =
-            self.made(
-                (graph, roots[0]),
-                (variant.dimension, known),
-                is_of_bonds,
-                |slot| match slot {
-                    Slot::Own(k) | Slot::Neighbour(k) => changes[k],
-                    _ => false,
-                },
-            );
+        let of = (variant.dimension, known);
+        let made = self.made((graph, roots[0]), of, is_of_bonds, |slot| match slot {
+            Slot::Own(k) | Slot::Neighbour(k) => changes[k],
+            _ => false,
+        });
         made.map(Some)
     }
 

@@ -26,7 +26,7 @@ pub use gradient::{gradient_latex, gradient_listing, gradient_text, latex_of_gra
 pub use latex::{latex, latex_of_bonds};
 pub use listing::{graph_listing, model_listing};
 pub use tensor::tensor_latex;
-pub use text::{expression, text};
+pub use text::{expression, quoted, text};
 
 use crate::expression::{Comparison, ExprGraph, Function, Input, Node, NodeId, Operator};
 use crate::measure::Measure;
@@ -87,6 +87,16 @@ fn lines(
     roots: &[(String, NodeId)],
     notation: &impl Notation,
 ) -> Vec<(String, String)> {
+    lines_within(graph, roots, notation, LONGEST_REPEATED)
+}
+
+/// The same where pieces of this length are still written in place where they are used more than once.
+fn lines_within(
+    graph: &ExprGraph,
+    roots: &[(String, NodeId)],
+    notation: &impl Notation,
+    longest_repeated: usize,
+) -> Vec<(String, String)> {
     let needed = graph.reachable(&roots.iter().map(|r| r.1).collect::<Vec<_>>());
     let mut uses = vec![0_usize; graph.len()];
     for (id, node) in graph.nodes() {
@@ -105,7 +115,7 @@ fn lines(
         }
         let mut piece = print_node(node, &mut pieces, &uses, notation);
         let length = piece.text.chars().count();
-        let repeated = uses[id.0 as usize] > 1 && length > LONGEST_REPEATED;
+        let repeated = uses[id.0 as usize] > 1 && length > longest_repeated;
         if repeated || length > LONGEST_PIECE {
             let name = notation.temporary(lines.len() + 1);
             lines.push((name.text.clone(), std::mem::replace(&mut piece, name).text));

@@ -178,3 +178,19 @@ fn latex_means_what_it_was_printed_from() {
         assert!(same, "{text}: {found} {expected}");
     }
 }
+
+/// What messages quote is written out, and has names only for what does not fit into a line.
+#[test]
+fn quoted_expressions_name_nothing_that_fits_into_a_line() {
+    let text = "potential p\ny = sin(l/L)*exp(l - L)\npsi(l) = y^2 + 1/(1 + y)\n";
+    let short = model(text);
+    let variant = short.variant(2).unwrap();
+    let quoted = super::quoted(&short, &variant.graph, variant.energies[0].root);
+    assert_eq!(quoted, "(sin(l/L)*exp(l - L))^2 + 1/(1 + sin(l/L)*exp(l - L))");
+    let long: String = (0..12).map(|k| format!("y{} = y{k}*(y{k} + l)\n", k + 1)).collect();
+    let text = format!("potential p\ny0 = sin(l/L)\n{long}psi(l) = y12\n");
+    let model = model(&text);
+    let variant = model.variant(2).unwrap();
+    let quoted = super::quoted(&model, &variant.graph, variant.energies[0].root);
+    assert!(quoted.contains(", where t1 = ") && quoted.len() < 6000, "{quoted}");
+}

@@ -1,6 +1,6 @@
 //! Graphs in the piola language; what is printed parses, and means the same.
 
-use super::{Binding, Names, Notation, Piece, lines, root_names};
+use super::{Binding, LONGEST_PIECE, Names, Notation, Piece, lines, lines_within, root_names};
 use crate::expression::{Comparison, ExprGraph, Function, Input, NodeId, Operator};
 use crate::model::Model;
 use crate::specialise::ScalarEnergy;
@@ -23,6 +23,19 @@ pub fn expression(model: &Model, graph: &ExprGraph, root: NodeId) -> String {
     };
     let lines = lines(graph, &[(String::new(), root)], &notation);
     lines.into_iter().map(named).collect::<Vec<_>>().join("; ")
+}
+
+/// One expression as messages quote it: parts are written out wherever they stand; only what grows too long for a line
+/// has a name, which is explained behind: `t1 - 1, where t1 = ..`.
+pub fn quoted(model: &Model, graph: &ExprGraph, root: NodeId) -> String {
+    let notation = Text { names: Names { model } };
+    let mut lines = lines_within(graph, &[(String::new(), root)], &notation, LONGEST_PIECE);
+    let whole = lines.pop().map_or(String::new(), |(_, text)| text);
+    let named = lines.into_iter().map(|(name, text)| format!("{name} = {text}"));
+    match named.collect::<Vec<_>>().join(", ") {
+        none if none.is_empty() => whole,
+        parts => format!("{whole}, where {parts}"),
+    }
 }
 
 pub(super) struct Text<'a> {

@@ -153,7 +153,7 @@ impl<'a> Compared<'a> {
         }
         let cause = Cause {
             order,
-            expression: print::expression(model, self.graph, node),
+            expression: print::quoted(model, self.graph, node),
             cancelled: self.cancelled(node),
             overflows: !self.rounded.number(node).is_finite(),
             stated: None,

@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 
 use piola_compiler::expression::interpret::Interpreter;
 use piola_compiler::expression::{ExprGraph, Input, Node, NodeId};
-use piola_compiler::print::expression;
+use piola_compiler::print::quoted;
 use piola_compiler::{Interval, Measure, Model, Values, Variant};
 use piola_grammar::Diagnostic;
 use piola_mechanics::energy::{Argument, NonFinite};
@@ -258,7 +258,7 @@ impl Reading<'_> {
         while let Some(&cause) = operands(node).iter().find(|&&x| !read.number(x).is_finite()) {
             node = cause;
         }
-        let print = |id: NodeId| expression(self.model, graph, id);
+        let print = |id: NodeId| quoted(self.model, graph, id);
         let given: Vec<String> = operands(node)
             .iter()
             .filter(|&&x| graph.as_number(x).is_none())

@@ -74,24 +74,19 @@ pub(super) fn execute(
     };
     let (columns, by) = subject.columns(values.dimension);
     let names: Vec<&str> = columns.iter().map(String::as_str).collect();
-    let Some(rows) = table::rows(points, &names, |_| None) else { return Exit::Input };
+    let refusal = |row: &[f64]| subject.not_a_reference(values.dimension, row);
+    let Some(rows) = table::rows(points, &names, refusal) else { return Exit::Input };
     let (psi, gradient) = subject.evaluate(&rows, values);
     print_rows((&columns, &by), &rows, &psi, &gradient)
 }
 
 fn subject(compiled: &Compiled, measure: MeasureName) -> Option<Subject<'_>> {
-    let coupled = |clique: Measure| {
-        let found = compiled.coupled.iter().find(|kernel| kernel.clique() == clique);
-        found.map(Subject::Coupled)
-    };
+    let coupled = |clique: Measure| compiled.coupled.iter().find(|own| own.clique() == clique);
     let (numbers, vectors) = (compiled.gathered.as_ref(), compiled.vectors.as_ref());
     match measure {
-        MeasureName::Xi => match coupled(Measure::Length)? {
-            Subject::Coupled(kernel) => Some(Subject::Vector(kernel)),
-            other => Some(other),
-        },
-        MeasureName::Triangles => coupled(Measure::Area),
-        MeasureName::Tetrahedra => coupled(Measure::Volume),
+        MeasureName::Xi => coupled(Measure::Length).map(Subject::Vector),
+        MeasureName::Triangles => coupled(Measure::Area).map(Subject::Coupled),
+        MeasureName::Tetrahedra => coupled(Measure::Volume).map(Subject::Coupled),
         MeasureName::Points => {
             let of_numbers = numbers.and_then(|own| own.points.as_ref()).map(Subject::Numbers);
             of_numbers.or(vectors.and_then(|own| own.points.as_ref()).map(Subject::Vectors))
@@ -142,6 +137,29 @@ impl Subject<'_> {
                 (rest.chain(by.iter().cloned()).chain(given).collect(), by)
             }
         }
+    }
+
+    /// Which column of a row holds a measure at rest, or begins the vector of a bond there, that is none, and why.
+    fn not_a_reference(&self, d: usize, row: &[f64]) -> Option<(usize, String)> {
+        let measures = match self {
+            Subject::Coupled(kernel) => kernel.variables().len()..row.len(),
+            Subject::Numbers(kernel) if kernel.of_bonds() && kernel.fields().is_empty() => 1..2,
+            _ => 0..0,
+        };
+        let vector = match self {
+            Subject::Vector(_) => 0..d,
+            Subject::Numbers(kernel) if !kernel.fields().is_empty() => 1..1 + d,
+            Subject::Vectors(kernel) if kernel.given().contains(&Slot::Length) => 0..d,
+            _ => 0..0,
+        };
+        let length = |own: &[f64]| own.iter().fold(0.0, |sum, x| sum + x * x).sqrt();
+        let first = vector.start;
+        let vector = (!vector.is_empty()).then(|| (first, length(&row[vector])));
+        let all = measures.map(|k| (k, row[k])).chain(vector);
+        let mut wrong = all.filter(|(_, rest)| !(rest.is_finite() && *rest > 0.0));
+        wrong
+            .next()
+            .map(|(k, rest)| (k, format!("a reference measure is finite and > 0, not {rest}")))
     }
 
     /// psi and its derivatives, one array after the other.

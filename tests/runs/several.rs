@@ -38,6 +38,11 @@ fn energies_of_points_and_bonds_are_evaluated_in_every_way() {
         let psi = 15.0 * 0.0625;
         agrees(&bonds, &[1.25, 1.0, 2.0, 0.5, psi, 15.0 * 0.5, -psi / 2.0, 0.0]);
     }
+    let words = ["--measure", "bonds", "--delta", "2", "--points", "-"];
+    let table = b"l,L,I1,I2\n1,1,2,0.5\n1,-1,2,0.5\n";
+    piola_with_input(&[&["eval"], &SOLID[..], &words].concat(), table)
+        .expect(2)
+        .says(&["a reference measure is finite and > 0, not -1", "-:3:"]);
     let told = [&["eval"], &SOLID[..], &["--measure", "triangles", "--points", "-"]].concat();
     piola_with_input(&told, b"a\n").expect(2).says(&[
         "no energy of triangles, of several measures",

@@ -126,14 +126,12 @@ impl Lost {
             (Some(function @ Subject::Margin(..)), _) => {
                 format!("the margin of `{}`", function.symbol())
             }
+            (Some(function @ Subject::Gathering(text)), _) => {
+                format!("the {} of {text}", function.orders()[order])
+            }
             (Some(function), _) => {
                 let of = ["psi", "the gradient of psi", "the product of psi"][order];
-                match function {
-                    Subject::Gathering(text) => {
-                        format!("the {} of {text}", function.orders()[order])
-                    }
-                    _ => format!("{of}({})", function.symbol()),
-                }
+                format!("{of}({})", function.symbol())
             }
         }
     }

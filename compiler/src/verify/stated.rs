@@ -5,8 +5,7 @@
 //! digits is looked up by its true value among the numbers that the text states, each evaluated as it
 //! was written; what is only made by differentiation is what the energy as written loses digits in.
 
-pub(crate) use super::cause::Exact;
-use super::cause::{Cause, Compared, Part, Stated};
+use super::cause::{Cause, Compared, Exact, Part, Stated};
 use crate::density::DensityForm;
 use crate::expression::number::Number;
 use crate::expression::{Input, NodeId, Operator};

@@ -12,9 +12,10 @@ use crate::kernel::Mode;
 use crate::model::Model;
 use crate::specialise::CompileError;
 use crate::values::Values;
+use crate::verify::cause::Exact;
 use crate::verify::coupled::Place;
 use crate::verify::sample::Random;
-use crate::verify::stated::{Exact, cause_of_several};
+use crate::verify::stated::cause_of_several;
 use crate::verify::{Cause, Subject};
 
 pub(super) fn audit(

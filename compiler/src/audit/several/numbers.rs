@@ -49,15 +49,20 @@ pub(in crate::audit) fn functions(
     if model.gathers_vectors() {
         return Ok(all);
     }
-    let Some(gathered) = compiled(model, values, settings)? else { return Ok(all) };
     let mode = Mode::Jit(settings.level);
+    let criteria = model.gathered_criteria(values, mode, settings.form)?;
+    let later = a_second_later(model, values).without_fields();
+    let next_states = model.gathered_next_states(&later, mode, settings.form)?;
+    if criteria.is_empty() && next_states.is_empty() {
+        return Ok(all);
+    }
+    let Some(gathered) = compiled(model, values, settings)? else { return Ok(all) };
     let integrals = &gathered.integrals[..];
-    for one in model.gathered_criteria(values, mode, settings.form)? {
+    for one in criteria {
         let of = (&one.margin, &one.written, integrals);
         all.push(judged(of, (settings, 1), Subject::Margin(None, one.text), nothing()).audit);
     }
-    let later = a_second_later(model, values).without_fields();
-    for one in model.gathered_next_states(&later, mode, settings.form)? {
+    for one in next_states {
         let of = (&one.next, &one.written, integrals);
         let text = format!("{} = {}", model.input_name(one.state), one.text);
         let subject = Subject::NextState(Of::Family(OfFamily::Points), text);

@@ -11,8 +11,9 @@ use crate::kernel::Mode;
 use crate::model::Model;
 use crate::specialise::CompileError;
 use crate::values::Values;
+use crate::verify::cause::Exact;
 use crate::verify::sample::Random;
-use crate::verify::stated::{Exact, cause_of_several};
+use crate::verify::stated::cause_of_several;
 use crate::verify::vectors::{Place, Places, Seen, bond, evaluate, of, subject};
 
 /// Most places of a regime: true values of a gradient by dozens of numbers take tens of milliseconds.

@@ -58,6 +58,15 @@ impl Measure {
         }
     }
 
+    /// What it is of an interaction: `length`.
+    pub fn quantity(self) -> &'static str {
+        match self {
+            Measure::Length => "length",
+            Measure::Area => "area",
+            Measure::Volume => "volume",
+        }
+    }
+
     /// The same of many: "bonds", "triangles", "tetrahedra".
     pub fn interactions(self) -> &'static str {
         match self {

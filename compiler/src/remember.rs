@@ -1,6 +1,7 @@
 //! One bond, triangle or tetrahedron and what it remembers, from measure to measure: for lints, verification and
 //! studies of single ones.
 
+mod gathering;
 mod gradient;
 
 use std::sync::Arc;
@@ -12,7 +13,26 @@ use crate::model::Model;
 use crate::specialise::{CompileError, Form};
 use crate::values::Values;
 use crate::verify::sample::Point;
+pub(crate) use gathering::RememberingPoint;
 pub(crate) use gradient::RememberingGradient;
+
+/// What families give in an evenly deformed body, with what it remembers: a deformation gradient, or what a point
+/// gathers. The body is deformed by `F - I`, row by row.
+pub(crate) trait History: Clone {
+    /// Its energy, compiled.
+    type Energy;
+    /// A condition under which bonds break.
+    type Criterion;
+
+    /// What states become, `dt` s after the last time, in the order of the updates.
+    fn next(&self, change: &[f64], dt: f64) -> Vec<f64>;
+    /// Changes the states, all at once.
+    fn advance(&mut self, change: &[f64], dt: f64);
+    /// psi, with states as they are.
+    fn energy(&self, energy: &Self::Energy, change: &[f64]) -> f64;
+    /// Whether bonds break, with states as they are.
+    fn breaks(&self, criterion: &Self::Criterion, change: &[f64]) -> bool;
+}
 
 /// An interaction with its history.
 #[derive(Clone, Debug)]

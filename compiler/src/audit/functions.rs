@@ -58,7 +58,8 @@ pub(super) fn functions_at(
         all.push(Audit::of(subject, Some(argument), regimes));
         Ok(())
     })?;
-    all.extend(super::several::functions(model, values, settings)?);
+    let gathered = super::several::functions(model, values, settings)?;
+    all.extend(gathered.into_iter().map(|found| found.audit));
     let criteria = model.gradient_criteria(values, mode, settings.form)?;
     for one in criteria {
         let regimes = gradient::regimes(&one.margin, &one.written, (settings, 1));

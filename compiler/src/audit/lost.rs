@@ -83,7 +83,7 @@ pub fn lost(
             }
         }
     }
-    several::lost(model, values, settings)?.into_iter().for_each(|one| note(&mut all, one));
+    all_noted(&mut all, several::lost(model, values, settings)?);
     for values in histories(model, values)? {
         lost_of_functions(model, &values, settings, &mut all)?;
     }
@@ -110,7 +110,28 @@ fn lost_of_functions(
             note(all, Lost { argument, function, cause, at, error });
         }
         Ok(())
-    })
+    })?;
+    for (subject, forms) in model.gradient_functions_held(values, settings.form)? {
+        let audit = audits.iter().find(|audit| audit.function.as_ref() == Some(&subject));
+        let missed = audit.into_iter().flat_map(|audit| &audit.regimes);
+        for regime in missed.filter(|regime| regime.worst[0] > settings.bar) {
+            let Some(at @ Place::Gradient { gradient, change, direction, .. }) = &regime.at[0]
+            else {
+                continue;
+            };
+            let (gradient, change) = (gradient.clone(), change.clone());
+            let sample = Sample { gradient, change, direction: direction.clone() };
+            let cause = cause_of_gradient((model, values), &forms, 0, &sample);
+            let (argument, error) = (Some(Argument::Gradient), regime.worst[0]);
+            let (function, at) = (Some(subject.clone()), at.clone());
+            all_noted(all, cause.map(|cause| Lost { argument, function, cause, at, error }));
+        }
+    }
+    all_noted(
+        all,
+        several::functions(model, values, settings)?.into_iter().flat_map(|one| one.lost),
+    );
+    Ok(())
 }
 
 impl Lost {
@@ -135,6 +156,10 @@ impl Lost {
             }
         }
     }
+}
+
+fn all_noted(all: &mut Vec<Lost>, more: impl IntoIterator<Item = Lost>) {
+    more.into_iter().for_each(|one| note(all, one));
 }
 
 /// Adds a loss, or keeps the larger one of two of the same subexpression.

@@ -192,7 +192,7 @@ impl Model {
     }
 
     /// A function that is kept also where parameters leave nothing of it.
-    pub(super) fn margin_or_next(
+    pub(crate) fn margin_or_next(
         &self,
         (variant, of_bonds): (&Variant, bool),
         (root, span): (NodeId, Span),

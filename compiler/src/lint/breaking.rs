@@ -1,5 +1,5 @@
 //! Conditions under which bonds, triangles and tetrahedra break: that hold at rest, never, or in
-//! compression, or that take nothing away; those of deformation gradients, too.
+//! compression, or that take nothing away; those of deformation gradients and of gathered numbers, too.
 
 use piola_grammar::Span;
 
@@ -8,8 +8,8 @@ use super::subject::{example, short};
 use crate::breaking::Criterion;
 use crate::kernel::Mode;
 use crate::measure::Measure;
-use crate::model::{Break, Model, OfFamily};
-use crate::remember::{Remembering, RememberingGradient};
+use crate::model::{Break, Model, Of, OfFamily};
+use crate::remember::{History, Remembering, RememberingGradient, RememberingPoint};
 use crate::specialise::Form;
 use crate::verify::sample::{Point, contains};
 
@@ -19,8 +19,8 @@ const REFERENCES: [f64; 2] = [0.5, 0.15];
 /// Points of every decade of the measure.
 const POINTS_PER_DECADE: i32 = 100;
 
-/// Largest stretches of gradients that are tried.
-const STRETCHES_OF_GRADIENTS: [f64; 17] = [
+/// Largest stretches of bodies that are tried, for gradients and gathered numbers.
+const STRETCHES_OF_BODIES: [f64; 17] = [
     1.0, 0.1, 0.5, 0.8, 0.9, 0.95, 0.99, 0.999, 0.9999, 1.0001, 1.001, 1.01, 1.05, 1.1, 1.5, 3.0,
     10.0,
 ];
@@ -31,12 +31,11 @@ const AGE: f64 = 1e12;
 /// A condition with values for everything it depends on.
 pub(super) struct Breaking {
     pub(super) span: Span,
-    /// What it is a condition of; nothing of deformation gradients.
-    measure: Option<Measure>,
+    of: Of,
     /// Whether what breaks by it has an energy. Bonds always count as if: triangles go with them.
     has_energy: bool,
     /// Stretches in the declared domain, ratios of the measure to that at rest, and whether one breaks there. Of
-    /// gradients the largest stretch; below 1 it is the same in all directions.
+    /// families the largest stretch of the body; below 1 it is the same in all directions.
     tried: Vec<(f64, bool)>,
 }
 
@@ -46,44 +45,61 @@ impl Breaking {
     pub(super) fn examples(model: &Model, dimension: usize) -> Vec<Breaking> {
         let mut all = Breaking::of_measures(model, dimension);
         all.extend(Breaking::of_gradients(model, dimension));
+        all.extend(Breaking::of_points(model, dimension));
         all
     }
 
-    /// Those of deformation gradients, tried at bodies that are stretched in all directions, or in one, or
-    /// sheared.
+    /// Those of deformation gradients.
     fn of_gradients(model: &Model, dimension: usize) -> Vec<Breaking> {
-        let Some(variant) = model.variant(dimension) else { return Vec::new() };
-        let Some(values) = example(model, dimension) else { return Vec::new() };
         let (mode, form) = (Mode::Interpreter, Form::Textbook);
+        let Some(values) = example(model, dimension) else { return Vec::new() };
         let made = RememberingGradient::new(model, &values, mode, form)
             .and_then(|(begin, values)| Ok((begin, model.gradient_criteria(&values, mode, form)?)));
         let Ok((begin, criteria)) = made else { return Vec::new() };
-        let unit = |k: usize| if k / dimension == k % dimension { 1.0 } else { 0.0 };
-        let all = |of: &dyn Fn(usize) -> f64| (0..dimension * dimension).map(of).collect();
-        let mut gradients: Vec<(f64, Vec<f64>)> = Vec::new();
-        for stretch in STRETCHES_OF_GRADIENTS {
-            let e = stretch - 1.0;
-            gradients.push((stretch, all(&|k| e * unit(k))));
-            if e > 0.0 {
-                gradients.push((stretch, all(&|k| if k == 0 { e } else { 0.0 })));
-                gradients.push((stretch, all(&|k| if k == 1 { e } else { 0.0 })));
-            }
-        }
-        let breaking = |condition: &Break<OfFamily>| {
-            // One of gathered values is not there.
+        let places = deformed(dimension);
+        Breaking::of_families(model, dimension, |condition| {
             let one = criteria.iter().find(|one| one.text == condition.text)?;
-            let breaks = |change: &[f64]| {
-                let mut gradient = begin.clone();
-                // At once, with what is remembered there, and after a long time.
-                [0.0, 0.0, AGE].into_iter().any(|dt| {
-                    let breaks = gradient.breaks(one, change);
-                    gradient.advance(change, dt);
-                    breaks || gradient.breaks(one, change)
-                })
-            };
-            let tried = gradients.iter().map(|(stretch, change)| (*stretch, breaks(change)));
-            let (span, tried) = (condition.span, tried.collect());
-            Some(Breaking { span, measure: None, has_energy: true, tried })
+            Some(places.iter().map(|place| breaks_at(&begin, one, place)).collect())
+        })
+    }
+
+    /// Those of gathered numbers.
+    fn of_points(model: &Model, dimension: usize) -> Vec<Breaking> {
+        let (mode, form) = (Mode::Interpreter, Form::Textbook);
+        let is_gathered = |one: &Break<OfFamily>| one.of != OfFamily::Gradient;
+        let variant = model.variant(dimension);
+        let Some(variant) = variant.filter(|own| own.family_breaks.iter().any(is_gathered)) else {
+            return Vec::new();
+        };
+        let Some(values) = example(model, dimension) else { return Vec::new() };
+        let Ok(Some((begin, _, with_states))) = RememberingPoint::new(model, &values, (mode, form))
+        else {
+            return Vec::new();
+        };
+        let Ok(criteria) = model.gathered_criteria(&with_states, mode, form) else {
+            return Vec::new();
+        };
+        let declares = |(_, change): &(f64, Vec<f64>)| {
+            let bonds = begin.bonds(change);
+            bonds.into_iter().all(|bond| contains(variant, Measure::Length, &values, bond))
+        };
+        let places: Vec<_> = deformed(dimension).into_iter().filter(declares).collect();
+        Breaking::of_families(model, dimension, |condition| {
+            let one = criteria.iter().find(|one| one.text == condition.text)?;
+            Some(places.iter().map(|place| breaks_at(&begin, one, place)).collect())
+        })
+    }
+
+    /// Those of families for which something is tried.
+    fn of_families(
+        model: &Model,
+        dimension: usize,
+        tried: impl Fn(&Break<OfFamily>) -> Option<Vec<(f64, bool)>>,
+    ) -> Vec<Breaking> {
+        let Some(variant) = model.variant(dimension) else { return Vec::new() };
+        let breaking = |condition: &Break<OfFamily>| {
+            let (span, of) = (condition.span, Of::Family(condition.of));
+            Some(Breaking { span, of, has_energy: true, tried: tried(condition)? })
         };
         variant.family_breaks.iter().filter_map(breaking).collect()
     }
@@ -125,29 +141,59 @@ impl Breaking {
             let has_energy = measure == Measure::Length
                 || model.measures().contains(&measure)
                 || model.coupled().contains(&measure);
-            let (span, measure) = (condition.span, Some(condition.of));
+            let (span, of) = (condition.span, Of::Measure(measure));
             let tried = points.iter().map(tried).collect();
-            Some(Breaking { span, measure, has_energy, tried })
+            Some(Breaking { span, of, has_energy, tried })
         };
         let criteria = criteria.unwrap_or_default();
         variant.breaks.iter().zip(criteria).filter_map(breaking).collect()
     }
 
-    /// The measure, that at rest, what has them, and many of these.
-    fn words(&self) -> [&'static str; 4] {
-        let Some(measure) = self.measure else { return ["F", "I", "bond", "bonds"] };
-        let [one, many] = match measure {
-            Measure::Length => ["bond", "bonds"],
-            Measure::Area => ["triangle", "triangles"],
-            Measure::Volume => ["tetrahedron", "tetrahedra"],
+    /// What breaks, one and many.
+    fn words(&self) -> [&'static str; 2] {
+        let measure = match self.of {
+            Of::Measure(measure) => measure,
+            Of::Family(_) => Measure::Length,
         };
-        [measure.symbol(), measure.reference_symbol(), one, many]
+        [measure.interaction(), measure.interactions()]
     }
 
     /// A stretch at which one breaks.
     fn broken_at(&self, wanted: impl Fn(f64) -> bool) -> Option<f64> {
         self.tried.iter().find(|(stretch, breaks)| *breaks && wanted(*stretch)).map(|tried| tried.0)
     }
+}
+
+/// Bodies that are stretched in all directions, or in one, or sheared: the largest stretch with `F - I`, row by row.
+fn deformed(dimension: usize) -> Vec<(f64, Vec<f64>)> {
+    let unit = |k: usize| if k / dimension == k % dimension { 1.0 } else { 0.0 };
+    let all = |of: &dyn Fn(usize) -> f64| (0..dimension * dimension).map(of).collect();
+    let mut places: Vec<(f64, Vec<f64>)> = Vec::new();
+    for stretch in STRETCHES_OF_BODIES {
+        let e = stretch - 1.0;
+        places.push((stretch, all(&|k| e * unit(k))));
+        if e > 0.0 {
+            places.push((stretch, all(&|k| if k == 0 { e } else { 0.0 })));
+            places.push((stretch, all(&|k| if k == 1 { e } else { 0.0 })));
+        }
+    }
+    places
+}
+
+/// A stretch with whether bonds break in a body that is deformed so: at once, with what is remembered there, and
+/// after a long time.
+fn breaks_at<H: History>(
+    begin: &H,
+    criterion: &H::Criterion,
+    (stretch, change): &(f64, Vec<f64>),
+) -> (f64, bool) {
+    let mut place = begin.clone();
+    let breaks = [0.0, 0.0, AGE].into_iter().any(|dt| {
+        let breaks = place.breaks(criterion, change);
+        place.advance(change, dt);
+        breaks || place.breaks(criterion, change)
+    });
+    (*stretch, breaks)
 }
 
 /// Whether one breaks that comes to a measure and stays there for a long time, but at rest.
@@ -164,75 +210,92 @@ fn breaks_in_time(mut bond: Remembering, criterion: &Criterion, point: Point) ->
 /// A condition that holds where nothing is deformed.
 pub(super) fn at_rest(breaking: &Breaking) -> Option<Finding> {
     breaking.broken_at(|stretch| stretch == 1.0)?;
-    let [m, rest, _, many] = breaking.words();
-    Some(Finding {
-        message: format!("{many} break at rest: the condition holds at {m} = {rest}"),
-        help: match breaking.measure {
-            Some(_) => format!("let it hold beyond a stretch: `break when {m}/{rest} - 1 > s0`"),
-            None => "let it hold beyond a change of volume: `break when J - 1 > h0`".into(),
-        },
-    })
+    let [_, many] = breaking.words();
+    let (place, help) = match breaking.of {
+        Of::Measure(measure) => {
+            let (m, rest) = (measure.symbol(), measure.reference_symbol());
+            let help = format!("let it hold beyond a stretch: `break when {m}/{rest} - 1 > s0`");
+            (format!("at {m} = {rest}"), help)
+        }
+        Of::Family(OfFamily::Gradient) => {
+            let help = "let it hold beyond a change of volume: `break when J - 1 > h0`";
+            ("at F = I".into(), help.into())
+        }
+        Of::Family(_) => {
+            let help =
+                "compare what is gathered with more than it is at rest: `break when theta > t0`";
+            ("in a body that is not deformed".into(), help.into())
+        }
+    };
+    Some(Finding { message: format!("{many} break at rest: the condition holds {place}"), help })
 }
 
 /// A condition that holds nowhere in the domain.
 pub(super) fn never(breaking: &Breaking) -> Option<Finding> {
-    if breaking.broken_at(|_| true).is_some() {
+    if breaking.tried.is_empty() || breaking.broken_at(|_| true).is_some() {
         return None;
     }
-    let largest = breaking.tried.iter().fold(0.0, |most: f64, tried| most.max(tried.0));
-    let [m, rest, one, _] = breaking.words();
-    let quantity = match breaking.measure {
-        Some(Measure::Length) => "length",
-        Some(Measure::Area) => "area",
-        Some(Measure::Volume) => "volume",
-        None => {
-            return Some(Finding {
-                message: format!(
-                    "no bond breaks: the condition holds nowhere up to a stretch of {}, of all directions or \
-                     one, and in no shear",
-                    short(largest)
-                ),
-                help: "compare a quantity that grows with the deformation: `J - 1`, `E : E`".into(),
-            });
+    let largest = short(breaking.tried.iter().fold(0.0, |most: f64, tried| most.max(tried.0)));
+    let [one, _] = breaking.words();
+    let (where_, help) = match breaking.of {
+        Of::Measure(measure) => {
+            let (m, rest) = (measure.symbol(), measure.reference_symbol());
+            let quantity = measure.quantity();
+            (
+                format!("in the domain, up to {m}/{rest} = {largest}"),
+                format!("compare a quantity that grows with the {quantity}, or widen the `domain`"),
+            )
+        }
+        Of::Family(kind) => {
+            let example = match kind {
+                OfFamily::Gradient => "`J - 1`, `E : E`",
+                _ => "`theta` with `theta = integral(l/L - 1)`",
+            };
+            (
+                format!("up to a stretch of {largest}, of all directions or one, and in no shear"),
+                format!("compare a quantity that grows with the deformation: {example}"),
+            )
         }
     };
     Some(Finding {
-        message: format!(
-            "no {one} breaks: the condition holds nowhere in the domain, up to {m}/{rest} = {}",
-            short(largest)
-        ),
-        help: format!("compare a quantity that grows with the {quantity}, or widen the `domain`"),
+        message: format!("no {one} breaks: the condition holds nowhere {where_}"),
+        help,
     })
 }
 
 /// A condition that holds for bonds that are shortened, and not at rest. Areas shrink where a body is stretched
 /// along one side, and volumes that fail by changing at all are meant so.
 pub(super) fn in_compression(breaking: &Breaking) -> Option<Finding> {
-    if !matches!(breaking.measure, None | Some(Measure::Length)) {
-        return None;
-    }
     let is_at_rest = breaking.broken_at(|stretch| stretch == 1.0).is_some();
     let stretch = breaking.broken_at(|stretch| stretch < 1.0).filter(|_| !is_at_rest)?;
     let at = short(stretch);
-    Some(match breaking.measure {
-        Some(_) => Finding {
-            message: format!("bonds break in compression, at l/L = {at} for instance"),
-            help: "a crack opens by tension: compare `l/L - 1` and not its absolute value".into(),
-        },
-        None => Finding {
-            message: format!("bonds break in compression, at F = {at}*I for instance"),
-            help: "a crack opens by tension: ask for `J > 1`, too: `break when J > 1 and ..`"
-                .into(),
-        },
+    let (place, ask) = match breaking.of {
+        Of::Measure(Measure::Length) => {
+            (format!("at l/L = {at}"), "compare `l/L - 1` and not its absolute value")
+        }
+        Of::Measure(_) => return None,
+        Of::Family(OfFamily::Gradient) => {
+            (format!("at F = {at}*I"), "ask for `J > 1`, too: `break when J > 1 and ..`")
+        }
+        Of::Family(_) => (
+            format!("in a body that shrinks to {at} of its size in all directions"),
+            "ask for growth, too: `break when theta > 0 and ..` with `theta = integral(l/L - 1)`",
+        ),
+    };
+    Some(Finding {
+        message: format!("bonds break in compression, {place} for instance"),
+        help: format!("a crack opens by tension: {ask}"),
     })
 }
 
 /// A condition of triangles or tetrahedra in a potential that gives them no energy.
 pub(super) fn nothing(breaking: &Breaking) -> Option<Finding> {
+    let Of::Measure(measure) = breaking.of else { return None };
     if breaking.has_energy {
         return None;
     }
-    let [m, rest, one, many] = breaking.words();
+    let (m, rest) = (measure.symbol(), measure.reference_symbol());
+    let [one, many] = breaking.words();
     Some(Finding {
         message: format!("a {one} that breaks loses no energy: there is no psi({m})"),
         help: format!(

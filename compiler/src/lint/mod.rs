@@ -187,7 +187,8 @@ impl Model {
             }
             let updating = |measure| Updating::examples(self, measure, dimension);
             let of_gradients = Updating::of_gradients(self, dimension);
-            for updating in Measure::ALL.into_iter().filter_map(updating).chain(of_gradients) {
+            let of_families = of_gradients.into_iter().chain(Updating::of_points(self, dimension));
+            for updating in Measure::ALL.into_iter().filter_map(updating).chain(of_families) {
                 of_bonds.extend(wanted.iter().filter_map(|lint| lint.look_at_updates(&updating)));
             }
             if let Some(own) = Dissipating::examples(self, dimension) {

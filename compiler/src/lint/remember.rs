@@ -8,7 +8,7 @@ use crate::expression::Input;
 use crate::kernel::Mode;
 use crate::measure::Measure;
 use crate::model::{Model, Of, OfFamily, Parameter};
-use crate::remember::{Remembering, RememberingGradient};
+use crate::remember::{History, Remembering, RememberingGradient, RememberingPoint};
 use crate::specialise::Form;
 use crate::verify::sample::{Point, contains};
 
@@ -22,7 +22,7 @@ const REFERENCE: f64 = 0.5;
 /// By which part of what it can be an energy must grow, or a state change, to be told.
 const TOLD: f64 = 1e-9;
 
-/// What bonds remember, or triangles, or tetrahedra, or deformation gradients, with values for everything it
+/// What bonds remember, or triangles, or tetrahedra, deformation gradients or points, with values for everything it
 /// depends on.
 pub(super) struct Updating<'m> {
     /// States by their numbers, with the places of their next values.
@@ -87,38 +87,27 @@ impl<'m> Updating<'m> {
 
     /// The same of deformation gradients.
     pub(super) fn of_gradients(model: &'m Model, dimension: usize) -> Option<Updating<'m>> {
-        let variant = model.variant(dimension)?;
-        let of = Of::Family(OfFamily::Gradient);
-        let own = variant.family_updates.iter().filter(|update| update.of == OfFamily::Gradient);
-        let updates: Vec<(usize, Span)> = own.map(|one| (one.state, one.span)).collect();
-        if updates.is_empty() {
-            return None;
-        }
+        let (of, updates) = of_families(model, dimension, OfFamily::Gradient)?;
         let (mode, form) = (Mode::Interpreter, Form::Textbook);
         let values = example(model, dimension)?;
         let (begin, values) = RememberingGradient::new(model, &values, mode, form).ok()?;
         let kernel = model.compile(&values, mode, form).ok()?.gradient;
-        let mut tried = Vec::new();
-        for [first, second] in STRETCHES.iter().flat_map(|one| STRETCHES.map(|two| [*one, two])) {
-            let change = |stretch: f64| -> Vec<f64> {
-                (0..dimension * dimension)
-                    .map(|k| if k == 0 { stretch - 1.0 } else { 0.0 })
-                    .collect()
-            };
-            let [one, two] = [first, second].map(change);
-            let mut gradient = begin.clone();
-            gradient.advance(&one, 0.0);
-            let psi = |gradient: &RememberingGradient| {
-                kernel.as_ref().map_or(0.0, |kernel| gradient.energy(kernel, &two))
-            };
-            let (before, states) = (psi(&gradient), gradient.next(&two, 0.0));
-            gradient.advance(&two, 0.0);
-            tried.push(Tried {
-                stretches: [first, second],
-                psi: [before, psi(&gradient)],
-                next: [states, gradient.next(&two, 0.0)],
-            });
-        }
+        let tried = tried(dimension, &begin, kernel.as_ref(), |_| true);
+        Some(Updating { updates, of, model, tried })
+    }
+
+    /// The same of points, with what they gather.
+    pub(super) fn of_points(model: &'m Model, dimension: usize) -> Option<Updating<'m>> {
+        let variant = model.variant(dimension)?;
+        let (of, updates) = of_families(model, dimension, OfFamily::Points)?;
+        let values = example(model, dimension)?;
+        let ways = (Mode::Interpreter, Form::Textbook);
+        let (begin, kernels, _) = RememberingPoint::new(model, &values, ways).ok()??;
+        let declares = |change: &[f64]| {
+            let bonds = begin.bonds(change);
+            bonds.into_iter().all(|bond| contains(variant, Measure::Length, &values, bond))
+        };
+        let tried = tried(dimension, &begin, Some(&kernels), declares);
         Some(Updating { updates, of, model, tried })
     }
 
@@ -141,12 +130,52 @@ impl<'m> Updating<'m> {
     /// What stays as it is while states change.
     fn held(&self) -> &'static str {
         match self.of {
-            Of::Measure(Measure::Length) => "length",
-            Of::Measure(Measure::Area) => "area",
-            Of::Measure(Measure::Volume) => "volume",
-            Of::Family(_) => "deformation gradient",
+            Of::Measure(measure) => measure.quantity(),
+            Of::Family(OfFamily::Gradient) => "deformation gradient",
+            Of::Family(_) => "deformation",
         }
     }
+}
+
+/// The updates of a kind of families; nothing where there are none.
+fn of_families(
+    model: &Model,
+    dimension: usize,
+    kind: OfFamily,
+) -> Option<(Of, Vec<(usize, Span)>)> {
+    let own = model.variant(dimension)?.family_updates.iter().filter(|update| update.of == kind);
+    let updates: Vec<(usize, Span)> = own.map(|one| (one.state, one.span)).collect();
+    (!updates.is_empty()).then_some((Of::Family(kind), updates))
+}
+
+/// Bodies that have been stretched along X and are stretched otherwise.
+fn tried<H: History>(
+    dimension: usize,
+    begin: &H,
+    energy: Option<&H::Energy>,
+    declares: impl Fn(&[f64]) -> bool,
+) -> Vec<Tried> {
+    let change = |stretch: f64| -> Vec<f64> {
+        (0..dimension * dimension).map(|k| if k == 0 { stretch - 1.0 } else { 0.0 }).collect()
+    };
+    let mut all = Vec::new();
+    for [first, second] in STRETCHES.iter().flat_map(|one| STRETCHES.map(|two| [*one, two])) {
+        let [one, two] = [first, second].map(change);
+        if !declares(&one) || !declares(&two) {
+            continue;
+        }
+        let mut place = begin.clone();
+        place.advance(&one, 0.0);
+        let psi = |place: &H| energy.map_or(0.0, |energy| place.energy(energy, &two));
+        let (before, states) = (psi(&place), place.next(&two, 0.0));
+        place.advance(&two, 0.0);
+        all.push(Tried {
+            stretches: [first, second],
+            psi: [before, psi(&place)],
+            next: [states, place.next(&two, 0.0)],
+        });
+    }
+    all
 }
 
 /// Energy that grows at a fixed measure when states change.

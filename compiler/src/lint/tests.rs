@@ -275,3 +275,58 @@ fn states_of_gradients_are_looked_at() {
         assert_eq!(found, expected, "{lines}");
     }
 }
+
+/// What is gathered is tried in an evenly deformed body: conditions of points and of bonds, and what points
+/// remember.
+#[test]
+fn gathered_numbers_are_looked_at() {
+    let potential = |lines: &str| {
+        format!(
+            "potential p\nm = integral(1)\ne = integral(l/L - 1)\npsi(e, m) = (e/m)^2\n{lines}\n"
+        )
+    };
+    let remembering = |lines: &str| {
+        format!("potential p\nm = integral(1)\ne = integral(l/L - 1)\nstate k = 0\n{lines}\n")
+    };
+    for (text, code) in [
+        (potential("break when e/m >= 0"), "breaks-at-rest"),
+        (potential("break when m > 0"), "breaks-at-rest"),
+        (potential("break when e/m > 0.1"), ""),
+        (potential("break when e/m > 9.1"), "never-breaks"),
+        (potential("break when e/m > 8.9"), ""),
+        (potential("break when (e/m)^2 > 0.01"), "breaks-in-compression"),
+        (potential("break when (e/m)^2 > 0.01 and e > 0"), ""),
+        (potential("break when l/L - 1 > 0.1 + e/m"), ""),
+        (potential("break when l/L - 1 > 3 + e/m"), ""),
+        (potential("break when l/L - 1 > 9.5 + abs(e)/m"), "never-breaks"),
+        (potential("break when l/L - 1 >= e/m"), "breaks-at-rest"),
+        (potential("break when l/L - 1 > 0.1 + 2*e/m"), "breaks-in-compression"),
+        (potential("domain l/L in (0, 2)\nbreak when e/m > 1.2"), "never-breaks"),
+        (
+            remembering("update k = max(k, e/m)\npsi(e, m) = (1 + k)*(e/m)^2"),
+            "update-creates-energy",
+        ),
+        (remembering("update k = max(k, e/m)\npsi(e, m) = exp(-k)*(e/m)^2"), ""),
+        (
+            remembering("update k = max(k, e/m)\npsi(l, e, m) = (1 + k)*(l/L - 1 - e/m)^2"),
+            "update-creates-energy",
+        ),
+        (remembering("update k = max(k, e/m)\npsi(l, e, m) = exp(-k)*(l/L - 1 - e/m)^2"), ""),
+        (remembering("update k = k + (e/m)^2\npsi(e, m) = exp(-k)*(e/m)^2"), "update-not-settled"),
+        (remembering("update k = k + (e/m)^2*dt\npsi(e, m) = exp(-k)*(e/m)^2"), ""),
+        (
+            remembering("update k = k + (e/m)^2*dt\npsi(e, m) = exp(-k)*(e/m)^2\nbreak when k < 0"),
+            "never-breaks",
+        ),
+        (
+            remembering(
+                "update k = k + max(0, e/m)*dt\npsi(e, m) = exp(-k)*(e/m)^2\nbreak when k > 1e9",
+            ),
+            "",
+        ),
+    ] {
+        let found: Vec<&str> = model(&text).lint(false).iter().map(|found| found.code).collect();
+        let expected: &[&str] = if code.is_empty() { &[] } else { &[code] };
+        assert_eq!(found, expected, "{text}");
+    }
+}

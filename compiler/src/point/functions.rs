@@ -5,9 +5,12 @@ use super::kernel::{GradientKernel, WrittenGradientEnergy};
 use super::{GradientEnergyForms, Subject};
 use crate::breaking::{FamilyCriterion, FamilyNextState};
 use crate::kernel::Mode;
-use crate::model::{Break, Model, OfFamily, Update, Variant};
+use crate::measure::Argument;
+use crate::model::{Break, Model, Of, OfFamily, Update, Variant};
 use crate::specialise::{CompileError, Form};
 use crate::values::Values;
+use crate::verify;
+use crate::verify::families::a_second_later;
 
 /// When bonds break by a deformation gradient: their own, or that of a point at one of their ends.
 pub type GradientCriterion = FamilyCriterion<GradientKernel, WrittenGradientEnergy>;
@@ -117,12 +120,51 @@ impl Model {
         dimension: usize,
         values: Option<&Values>,
     ) -> Result<Vec<GradientFunction>, CompileError> {
-        let variant = self.variant(dimension).ok_or(CompileError::WrongDimension(dimension))?;
         let values = values.map(|own| own.clone().with_states(self));
+        let in_time = match self.families_remember_time() {
+            true => values.clone().map(|own| own.following_states(self)),
+            false => values.clone(),
+        };
+        self.functions_of_gradients(dimension, [values, in_time], Form::Accurate)
+    }
+
+    /// The same with everything held but the deformation gradient, states as the values say and the time step
+    /// 1 s, each with what it is.
+    pub(crate) fn gradient_functions_held(
+        &self,
+        values: &Values,
+        form: Form,
+    ) -> Result<Vec<(verify::Subject, GradientEnergyForms)>, CompileError> {
+        let held = values.without_fields();
+        let later = a_second_later(self, &held);
+        let all = self.functions_of_gradients(values.dimension, [Some(held), Some(later)], form)?;
+        let named = |GradientFunction { kind, text, forms }: GradientFunction| {
+            let subject = match kind {
+                GradientFunctionKind::Margin { .. } => {
+                    verify::Subject::Margin(Some(Argument::Gradient), text)
+                }
+                GradientFunctionKind::Next(name) => {
+                    let of = Of::Family(OfFamily::Gradient);
+                    verify::Subject::NextState(of, format!("{name} = {text}"))
+                }
+            };
+            (subject, forms)
+        };
+        Ok(all.into_iter().map(named).collect())
+    }
+
+    /// Conditions for the first values, then next states for the second.
+    fn functions_of_gradients(
+        &self,
+        dimension: usize,
+        [values, in_time]: [Option<Values>; 2],
+        form: Form,
+    ) -> Result<Vec<GradientFunction>, CompileError> {
+        let variant = self.variant(dimension).ok_or(CompileError::WrongDimension(dimension))?;
         let forms = |root, span, values: Option<&Values>| {
             let subject = Subject::of_function(variant, root, span);
             let (forms, _) = match values {
-                Some(values) => self.forms_of(subject, values, Form::Accurate)?,
+                Some(values) => self.forms_of(subject, values, form)?,
                 None => self.gradient_forms(subject, (&[], false), Form::Textbook, &|_| None)?,
             };
             forms.ok_or(CompileError::WrongDimension(dimension))
@@ -132,10 +174,6 @@ impl Model {
             let kind = GradientFunctionKind::Margin { number, holds_at_zero };
             let forms = forms(one.root, one.span, values.as_ref())?;
             Ok(GradientFunction { kind, text: one.text.clone(), forms })
-        };
-        let in_time = match self.families_remember_time() {
-            true => values.clone().map(|own| own.following_states(self)),
-            false => values.clone(),
         };
         let next = |one: &Update<OfFamily>| {
             let kind = GradientFunctionKind::Next(self.input_name(one.state).to_string());

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use super::History;
 use crate::kernel::Mode;
 use crate::model::Model;
 use crate::point::sample::plus_identity;
@@ -36,8 +37,17 @@ impl RememberingGradient {
         Ok((RememberingGradient { next, fields, time_step }, values))
     }
 
-    /// What states become at `F - I`, row by row, `dt` s after the last time, in the order of the updates.
-    pub(crate) fn next(&self, change: &[f64], dt: f64) -> Vec<f64> {
+    /// The states by their numbers among the parameters.
+    pub(crate) fn states(&self) -> impl Iterator<Item = (usize, f64)> + '_ {
+        self.next.iter().map(|one| (one.state, self.fields[one.field]))
+    }
+}
+
+impl History for RememberingGradient {
+    type Energy = GradientKernel;
+    type Criterion = GradientCriterion;
+
+    fn next(&self, change: &[f64], dt: f64) -> Vec<f64> {
         let mut fields = self.fields.clone();
         if let Some(time_step) = self.time_step {
             fields[time_step] = dt;
@@ -45,26 +55,18 @@ impl RememberingGradient {
         self.next.iter().map(|one| value(&one.next, change, &fields)).collect()
     }
 
-    /// Changes the states, all at once.
-    pub(crate) fn advance(&mut self, change: &[f64], dt: f64) {
+    fn advance(&mut self, change: &[f64], dt: f64) {
         let next = self.next(change, dt);
         for (one, value) in self.next.iter().zip(next) {
             self.fields[one.field] = value;
         }
     }
 
-    /// The states by their numbers among the parameters.
-    pub(crate) fn states(&self) -> impl Iterator<Item = (usize, f64)> + '_ {
-        self.next.iter().map(|one| (one.state, self.fields[one.field]))
-    }
-
-    /// psi at `F - I`, with states as they are.
-    pub(crate) fn energy(&self, kernel: &GradientKernel, change: &[f64]) -> f64 {
+    fn energy(&self, kernel: &GradientKernel, change: &[f64]) -> f64 {
         value(kernel, change, &self.fields)
     }
 
-    /// Whether bonds break at `F - I`, with states as they are.
-    pub(crate) fn breaks(&self, criterion: &GradientCriterion, change: &[f64]) -> bool {
+    fn breaks(&self, criterion: &GradientCriterion, change: &[f64]) -> bool {
         criterion.breaks(value(&criterion.margin, change, &self.fields))
     }
 }

@@ -12,7 +12,7 @@ use crate::model::{Model, Of, OfFamily};
 use crate::point::WrittenGradientEnergy;
 use crate::point::sample::{self, Sample};
 use crate::point::truth::norm;
-use crate::remember::RememberingGradient;
+use crate::remember::{History, RememberingGradient};
 use crate::specialise::{CompileError, Form};
 use crate::values::Values;
 

@@ -185,6 +185,37 @@ fn causes_are_named_in_the_words_of_the_text() {
     }
 }
 
+/// Margins and next states of gradients and of gathered numbers, too.
+#[test]
+fn causes_are_found_in_functions_of_families() {
+    let lost = "sqrt(x^2 + 1) - x";
+    let settings = crate::audit::Settings {
+        form: crate::Form::Accurate,
+        level: crate::Level::Strict,
+        points: 1,
+        bar: 64.0,
+    };
+    for (x, energy) in
+        [("J", "psi(F) = exp(-k)*(E : E)"), ("e", "e = integral(l/L - 1)\npsi(e) = exp(-k)*e^2")]
+    {
+        let lost = lost.replace('x', x);
+        let condition = format!("3*({lost}) > 1");
+        let update = format!("max(k, {lost})");
+        let text = format!(
+            "potential p\nstate k = 0\n{energy}\nupdate k = {update}\nbreak when {condition}"
+        );
+        let model = model(&text);
+        let found = crate::audit::lost(&model, &values(&model, 2, &[]), &settings).unwrap();
+        for subject in [format!("the margin of `{condition}`"), format!("update k = {update}")] {
+            let own: Vec<_> = found.iter().filter(|lost| lost.subject() == subject).collect();
+            let [one] = own[..] else { panic!("{subject} in {found:#?}") };
+            let stated = one.cause.stated.unwrap();
+            assert_eq!(text[stated.span.range()], lost, "{one:?}");
+            assert!(one.cause.cancelled.unwrap() > 1.0 && one.error > 64.0, "{one:?}");
+        }
+    }
+}
+
 /// `cosh` is infinite at 711, and so is what hyper-dual numbers make of it; the energy is not.
 #[test]
 fn where_the_witness_overflows_numbers_of_any_precision_decide() {

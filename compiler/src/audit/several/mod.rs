@@ -43,9 +43,9 @@ struct Function<'a> {
 }
 
 /// What a function of several numbers was found to lose, and by what.
-struct Found {
-    audit: Audit,
-    lost: Vec<Lost>,
+pub(super) struct Found {
+    pub(super) audit: Audit,
+    pub(super) lost: Vec<Lost>,
 }
 
 /// A regime before it is judged: its name, the decade of its strain, the numbers of its places.

@@ -1,12 +1,12 @@
 //! Energies of points and of bonds of numbers that points gather, with conditions and next states of these.
 
 use super::{CauseAt, Found, Function, Sampled, audited, power_of_ten, strains};
-use crate::audit::{Audit, Settings};
+use crate::audit::Settings;
 use crate::compile::Kind;
 use crate::gathered::{GatheredKernel, GatheredKernels, WrittenGatheredEnergy, argument};
 use crate::kernel::{Kernel, Mode};
-use crate::model::{Model, Of, OfFamily};
-use crate::specialise::CompileError;
+use crate::model::{Break, Model, Of, OfFamily, Update};
+use crate::specialise::{CompileError, Known};
 use crate::values::Values;
 use crate::verify::Subject;
 use crate::verify::families::a_second_later;
@@ -44,11 +44,13 @@ pub(in crate::audit) fn functions(
     model: &Model,
     values: &Values,
     settings: &Settings,
-) -> Result<Vec<Audit>, CompileError> {
+) -> Result<Vec<Found>, CompileError> {
     let mut all = Vec::new();
     if model.gathers_vectors() {
         return Ok(all);
     }
+    let variant =
+        model.variant(values.dimension).ok_or(CompileError::WrongDimension(values.dimension))?;
     let mode = Mode::Jit(settings.level);
     let criteria = model.gathered_criteria(values, mode, settings.form)?;
     let later = a_second_later(model, values).without_fields();
@@ -58,15 +60,28 @@ pub(in crate::audit) fn functions(
     }
     let Some(gathered) = compiled(model, values, settings)? else { return Ok(all) };
     let integrals = &gathered.integrals[..];
-    for one in criteria {
-        let of = (&one.margin, &one.written, integrals);
-        all.push(judged(of, (settings, 1), Subject::Margin(None, one.text), nothing()).audit);
+    let mut see = |(kernel, written), (of_bonds, root, span), values: &Values, subject| {
+        let (of, known) = ((variant, of_bonds), Known(Some(values)));
+        let form = model.margin_or_next(of, (root, span), known, settings.form)?;
+        let cause = |order: usize, given: &[f64]| {
+            let place = Place::of(of_bonds, given);
+            cause_of_gathered((model, values), &form, order, place.inputs())
+        };
+        let of = (kernel, written, integrals);
+        all.push(judged(of, (settings, 1), subject, Box::new(cause)));
+        Ok::<(), CompileError>(())
+    };
+    let breaks = variant.family_breaks.iter().filter(|one| one.of != OfFamily::Gradient);
+    for (Break { of, root, span, .. }, one) in breaks.zip(&criteria) {
+        let of = (*of == OfFamily::Bonds, *root, *span);
+        let subject = Subject::Margin(None, one.text.clone());
+        see((&one.margin, &one.written), of, values, subject)?;
     }
-    for one in next_states {
-        let of = (&one.next, &one.written, integrals);
+    let updates = variant.family_updates.iter().filter(|one| one.of != OfFamily::Gradient);
+    for (Update { root, span, .. }, one) in updates.zip(&next_states) {
         let text = format!("{} = {}", model.input_name(one.state), one.text);
         let subject = Subject::NextState(Of::Family(OfFamily::Points), text);
-        all.push(judged(of, (settings, 1), subject, nothing()).audit);
+        see((&one.next, &one.written), (false, *root, *span), &later, subject)?;
     }
     Ok(all)
 }
@@ -78,11 +93,6 @@ fn compiled(
 ) -> Result<Option<GatheredKernels>, CompileError> {
     let mode = Mode::Jit(settings.level);
     Ok(model.compile_only(&[Kind::Gathered], values, mode, settings.form)?.gathered)
-}
-
-/// For those of whom nobody asks by what they lose digits.
-fn nothing() -> CauseAt<'static> {
-    Box::new(|_, _| None)
 }
 
 fn judged(

@@ -1,0 +1,186 @@
+//! A point of an evenly deformed body, with what it gathers and what it remembers, from one deformation to the
+//! next. All points gather the same there, so that one with its neighbours is a body.
+
+use std::sync::Arc;
+
+use super::History;
+use crate::gathered::{
+    GatheredBatch, GatheredCriterion, GatheredKernel, GatheredKernels, GatheredNextState,
+};
+use crate::kernel::{Batch, Kernel, Mode};
+use crate::model::Model;
+use crate::specialise::{CompileError, Form};
+use crate::values::Values;
+use crate::verify::sample::Point;
+
+/// The horizon of the family, in spacings of its lattice: 20 neighbours in two dimensions, 80 in three.
+const SPACINGS: f64 = 2.5;
+
+/// A point with its neighbours and its history.
+#[derive(Clone, Debug)]
+pub(crate) struct RememberingPoint {
+    family: Arc<Family>,
+    /// The fields of the values, states and the time step among them, as they are now.
+    fields: Vec<f64>,
+    /// The number of the time step among them.
+    time_step: Option<usize>,
+}
+
+#[derive(Debug)]
+struct Family {
+    next: Vec<GatheredNextState>,
+    integrals: Vec<Kernel>,
+    /// Where neighbours are, from the point, at rest.
+    vectors: Vec<Vec<f64>>,
+    /// The volume of a point, in m^d.
+    volume: f64,
+}
+
+impl RememberingPoint {
+    /// One that begins with the states that the values say, with its energies; nothing where none is of gathered
+    /// numbers.
+    pub(crate) fn new(
+        model: &Model,
+        values: &Values,
+        (mode, form): (Mode, Form),
+    ) -> Result<Option<(RememberingPoint, GatheredKernels, Values)>, CompileError> {
+        let mut values = values.clone().with_states(model);
+        let dt = model.number_of_time_step().filter(|_| model.families_remember_time());
+        values = dt.into_iter().fold(values, Values::with_field);
+        let Some(mut kernels) = model.compile(&values, mode, form)?.gathered else {
+            return Ok(None);
+        };
+        let next = model.gathered_next_states(&values, mode, form)?;
+        let fields = values.typical().map(|(_, value)| value).collect();
+        let time_step = dt.and_then(|dt| values.fields.iter().position(|field| *field == dt));
+        let spacing = values.horizon / SPACINGS;
+        let family = Family {
+            next,
+            integrals: std::mem::take(&mut kernels.integrals),
+            vectors: neighbours(values.dimension, spacing),
+            volume: (0..values.dimension).fold(1.0, |volume, _| volume * spacing),
+        };
+        let point = RememberingPoint { family: Arc::new(family), fields, time_step };
+        Ok(Some((point, kernels, values)))
+    }
+
+    /// Its bonds where the body is deformed by `F - I`, row by row.
+    pub(crate) fn bonds(&self, change: &[f64]) -> Vec<Point> {
+        let bonds = self.family.bonds(change);
+        let bonds = bonds.reference.iter().zip(&bonds.measure);
+        bonds.map(|(&reference, &measure)| Point { measure, reference }).collect()
+    }
+
+    /// A function of what it gathers, or of this and the length of each of its bonds.
+    fn values(&self, kernel: &GatheredKernel, change: &[f64], fields: &[f64]) -> Vec<f64> {
+        let bonds = self.family.bonds(change);
+        let integrals = self.family.integrals.iter().map(|one| {
+            let psi =
+                one.derivatives(bonds.batch(&for_each(fields, one.fields().len(), bonds.n())));
+            psi.psi.iter().sum::<f64>() * self.family.volume
+        });
+        let n = if kernel.of_bonds() { bonds.n() } else { 1 };
+        let lengths = if kernel.of_bonds() { &bonds.measure[..] } else { &[] };
+        let gathered = integrals.flat_map(|one| std::iter::repeat_n(one, n));
+        let variables: Vec<f64> = lengths.iter().copied().chain(gathered).collect();
+        let (change, reference) = match kernel.of_bonds() {
+            true => (&bonds.change[..], &bonds.reference[..]),
+            false => (&[][..], &[][..]),
+        };
+        let fields = for_each(fields, kernel.fields().len(), n);
+        let mut found = vec![f64::NAN; n];
+        let at = GatheredBatch { n, variables: &variables, change, reference, fields: &fields };
+        kernel.evaluate(at, &mut found, &mut []);
+        found
+    }
+}
+
+impl History for RememberingPoint {
+    type Energy = GatheredKernels;
+    type Criterion = GatheredCriterion;
+
+    fn next(&self, change: &[f64], dt: f64) -> Vec<f64> {
+        let mut fields = self.fields.clone();
+        if let Some(time_step) = self.time_step {
+            fields[time_step] = dt;
+        }
+        self.family.next.iter().map(|one| self.values(&one.next, change, &fields)[0]).collect()
+    }
+
+    fn advance(&mut self, change: &[f64], dt: f64) {
+        let next = self.next(change, dt);
+        for (one, value) in self.family.next.iter().zip(next) {
+            self.fields[one.field] = value;
+        }
+    }
+
+    /// Per volume of the body, in J/m^d.
+    fn energy(&self, kernels: &GatheredKernels, change: &[f64]) -> f64 {
+        let sum = |kernel: &Option<GatheredKernel>| -> f64 {
+            kernel.iter().flat_map(|kernel| self.values(kernel, change, &self.fields)).sum()
+        };
+        sum(&kernels.points) + sum(&kernels.bonds) * self.family.volume
+    }
+
+    fn breaks(&self, criterion: &GatheredCriterion, change: &[f64]) -> bool {
+        let margins = self.values(&criterion.margin, change, &self.fields);
+        margins.into_iter().any(|margin| criterion.breaks(margin))
+    }
+}
+
+/// All bonds of a point.
+struct Bonds {
+    measure: Vec<f64>,
+    reference: Vec<f64>,
+    change: Vec<f64>,
+}
+
+impl Bonds {
+    fn n(&self) -> usize {
+        self.measure.len()
+    }
+
+    fn batch<'a>(&'a self, fields: &'a [f64]) -> Batch<'a> {
+        let Bonds { measure, reference, change } = self;
+        Batch { measure, reference, change, fields }
+    }
+}
+
+impl Family {
+    fn bonds(&self, change: &[f64]) -> Bonds {
+        let mut bonds = Bonds { measure: Vec::new(), reference: Vec::new(), change: Vec::new() };
+        for xi in &self.vectors {
+            let row = |i: usize| change[i * xi.len()..].iter().zip(xi).map(|(h, x)| h * x).sum();
+            let moved: Vec<f64> = (0..xi.len()).map(row).collect();
+            let dot = |x: &[f64], y: &[f64]| x.iter().zip(y).map(|(x, y)| x * y).sum::<f64>();
+            let reference = dot(xi, xi).sqrt();
+            // l^2 - L^2, without a difference of nearly equal numbers.
+            let grown = 2.0 * dot(xi, &moved) + dot(&moved, &moved);
+            let measure = (reference * reference + grown).max(0.0).sqrt();
+            bonds.change.push(grown / (reference * (measure + reference)));
+            bonds.measure.push(measure);
+            bonds.reference.push(reference);
+        }
+        bonds
+    }
+}
+
+/// Vectors of a square or cubic lattice up to the horizon.
+fn neighbours(dimension: usize, spacing: f64) -> Vec<Vec<f64>> {
+    let reach = SPACINGS.floor() as i32;
+    let along = || -reach..=reach;
+    let mut vectors: Vec<Vec<i32>> = vec![Vec::new()];
+    for _ in 0..dimension {
+        let longer = |v: Vec<i32>| along().map(move |k| [&v[..], &[k]].concat());
+        vectors = vectors.into_iter().flat_map(longer).collect();
+    }
+    let square = |v: &[i32]| f64::from(v.iter().map(|k| k * k).sum::<i32>());
+    vectors.retain(|v| (1.0..=SPACINGS * SPACINGS).contains(&square(v)));
+    let scaled = |v: Vec<i32>| v.into_iter().map(|k| f64::from(k) * spacing).collect();
+    vectors.into_iter().map(scaled).collect()
+}
+
+/// So many fields, each at every one of `n` places.
+fn for_each(fields: &[f64], taken: usize, n: usize) -> Vec<f64> {
+    fields[..taken].iter().flat_map(|field| std::iter::repeat_n(*field, n)).collect()
+}

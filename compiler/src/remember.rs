@@ -13,7 +13,7 @@ use crate::model::Model;
 use crate::specialise::{CompileError, Form};
 use crate::values::Values;
 use crate::verify::sample::Point;
-pub(crate) use gathering::RememberingPoint;
+pub(crate) use gathering::{RememberingPoint, neighbours, volume};
 pub(crate) use gradient::RememberingGradient;
 
 /// What families give in an evenly deformed body, with what it remembers: a deformation gradient, or what a point

@@ -28,6 +28,32 @@ fn margins_are_those_as_written_in_every_way() {
     }
 }
 
+/// Of vectors, too: conditions of points, of bonds and of both ends of a bond.
+#[test]
+fn margins_of_tensors_are_those_as_written_in_every_way() {
+    let text = "potential p\nparameter s0 = 0.05\nw(L) = 1/L\nK = integral(w*dyad(Xi, Xi))\n\
+                H = integral(w*dyad(xi - Xi, Xi))*inv(K)\npsi(H) = H : H\n\
+                break when det(I + H) - 1 > s0 \"volume\"\n\
+                break when norm(xi - H*Xi)/L - 1 > s0 and tr(H) > 0\n\
+                break when tr(H + neighbour(H)) >= 4*s0\nbreak when l/L - 1 > s0*tr(H)\n\
+                break when l/L > 2\n";
+    let model = check(&parse(text).unwrap()).unwrap();
+    assert!(model.can_break() && model.breaks().len() == 1);
+    let of: Vec<OfFamily> = model.family_breaks().iter().map(|one| one.of).collect();
+    assert_eq!(of, [OfFamily::Points, OfFamily::Bonds, OfFamily::Bonds, OfFamily::Bonds]);
+    for d in [2, 3] {
+        let values = model.values(d, &[], Some(1.0)).unwrap();
+        let (found, _) = verify(&model, &values, 60).unwrap();
+        let margins: Vec<_> =
+            found.iter().filter(|one| matches!(one.subject, Subject::Margin(None, _))).collect();
+        assert_eq!(margins.len(), 4);
+        for one in margins {
+            println!("{:?}: {} places, {:?}", one.subject, one.n_places, one.errors);
+            assert!(one.passed() && one.n_places > 200, "{:?}", one.misses.first());
+        }
+    }
+}
+
 #[test]
 fn what_is_no_condition_of_gathered_values_is_refused() {
     for (text, code) in [

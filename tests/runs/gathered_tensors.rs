@@ -3,14 +3,13 @@
 
 use crate::support::{SceneFolder, numbers, piola, repository, table};
 
-const LAW: &str = "parameter lambda in Pa\nparameter mu in Pa, mu > 0\nparameter s0 = 0.002\n";
-const ENERGY: &str = "lambda/2*tr(E)^2 + mu*(E : E)\nbreak when l/L - 1 > s0\n";
-
-/// A plate of a material with a crack, whose law is the built-in discretisation or the text of it.
-fn plate(is_text: bool, driven: &str) -> SceneFolder {
+/// A plate of a material with a crack, whose law is a built-in discretisation or the text of it, `file` of the
+/// example, with the same condition.
+fn plate((is_text, file): (bool, &str), condition: &str, driven: &str) -> SceneFolder {
+    let at_points = if file == "nodal" { "discretisation = \"nodal\"\n" } else { "" };
     let (potential, keys) = match is_text {
-        true => ("text.piola", ""),
-        false => ("gradient.piola", "[correspondence]\ninfluence = \"1/L\"\n"),
+        true => ("text.piola", String::new()),
+        false => ("gradient.piola", format!("[correspondence]\ninfluence = \"1/L\"\n{at_points}")),
     };
     let folder = SceneFolder::new(&format!(
         "[body]\nbox = [[0.0, 0.0], [0.1, 0.04]]\nspacing = 2e-3\n[horizon]\nspacings = 3.015\n\
@@ -20,34 +19,82 @@ fn plate(is_text: bool, driven: &str) -> SceneFolder {
          [[crack]]\nsegment = [[-0.01, 0.02], [0.05, 0.02]]\n\
          [fracture]\nunbreakable = [\"lower\", \"upper\"]\n{driven}"
     ));
-    let own = std::fs::read_to_string(
-        repository("examples/correspondence_as_text").join("bond_quadrature.piola"),
+    let texts = repository("examples/correspondence_as_text");
+    let own = std::fs::read_to_string(texts.join(format!("{file}.piola"))).unwrap();
+    let own = own.replacen("psi(", "parameter s0 = 0.002\nparameter wc = 6e4 in Pa\npsi(", 1);
+    let written = condition.replace("J > 1", "det(I + Hb) > 1");
+    folder.file(
+        "text.piola",
+        own + &written.replace("Hb", if at_points.is_empty() { "Hb" } else { "H" }),
     );
-    let own = own.unwrap().replace("psi(xi, H, w0)", "parameter s0 = 0.002\npsi(xi, H, w0)");
-    folder.file("text.piola", own + "break when l/L - 1 > s0\n");
-    folder.file("gradient.piola", format!("potential gradient\n{LAW}psi(F) = {ENERGY}"));
+    folder.file(
+        "gradient.piola",
+        format!(
+            "potential gradient\nparameter lambda in Pa\nparameter mu in Pa, mu > 0\n\
+             parameter s0 = 0.002\nparameter wc = 6e4 in Pa\n\
+             psi(F) = lambda/2*tr(E)^2 + mu*(E : E)\n{condition}"
+        ),
+    );
     folder
 }
 
-/// Both break the same bonds, and have the same account of energy.
+const BY_LENGTH: &str = "break when l/L - 1 > s0\n";
+const BY_GRADIENT: &str = "break when lambda/2*tr(E)^2 + mu*(E : E) > wc and J > 1\n";
+
+/// Both break the same bonds, and have the same account of energy: by lengths of bonds, by what a bond makes of what
+/// its ends gather, and by what a point does.
 #[test]
 fn a_plate_breaks_by_its_text_as_by_the_built_in_discretisation() {
     let driven = "[[load]]\nset = \"lower\"\ndensity = [0, -8e9]\n[[load]]\nset = \"upper\"\n\
                   density = [0, 8e9]\n[motion]\nend = \"25 us\"\n[output]\nframes = 1\n";
-    let [text, gradient] = [true, false].map(|is_text| {
-        let folder = plate(is_text, driven);
-        folder.run(&[]).expect(0);
-        table(&folder.out().join("motion.csv"))
-    });
-    assert_eq!((text.0.len(), text.1.len()), (gradient.0.len(), gradient.1.len()));
-    let broken = text.0.iter().position(|name| *name == "broken_bonds").unwrap();
-    let most = |rows: &[Vec<f64>]| rows.last().unwrap()[broken];
-    assert!(most(&text.1) > most(&text.1[..1]) + 10.0, "{}", most(&text.1));
-    // Energies to 1e-10 of the largest: errors of forces grow over 50 steps.
-    let largest = text.1.iter().flatten().fold(0.0_f64, |most, x| most.max(x.abs()));
-    for (text, gradient) in text.1.iter().flatten().zip(gradient.1.iter().flatten()) {
-        assert!((text - gradient).abs() <= 1e-10 * largest, "{text} {gradient}");
+    for (file, condition) in
+        [("bond_quadrature", BY_LENGTH), ("bond_quadrature", BY_GRADIENT), ("nodal", BY_GRADIENT)]
+    {
+        let [text, gradient] = [true, false].map(|is_text| {
+            let folder = plate((is_text, file), condition, driven);
+            folder.run(&[]).expect(0);
+            table(&folder.out().join("motion.csv"))
+        });
+        assert_eq!((text.0.len(), text.1.len()), (gradient.0.len(), gradient.1.len()));
+        let broken = text.0.iter().position(|name| *name == "broken_bonds").unwrap();
+        let column = |rows: &[Vec<f64>]| rows.iter().map(|row| row[broken]).collect::<Vec<f64>>();
+        let counts = column(&text.1);
+        println!("{file}: {counts:?}");
+        assert_eq!(counts, column(&gradient.1), "{file}: {condition}");
+        assert!(counts.last().unwrap() > &(counts[0] + 10.0), "{file}: {counts:?}");
+        // Energies to 1e-10 of the largest: errors of forces grow over 50 steps.
+        let largest = text.1.iter().flatten().fold(0.0_f64, |most, x| most.max(x.abs()));
+        for (text, gradient) in text.1.iter().flatten().zip(gradient.1.iter().flatten()) {
+            assert!((text - gradient).abs() <= 1e-10 * largest, "{file}: {text} {gradient}");
+        }
     }
+}
+
+/// Load steps, events and the history of a bond see what is gathered.
+#[test]
+fn load_steps_and_events_break_by_what_is_gathered() {
+    let steps = "[[prescribe]]\nset = \"lower\"\nu = [0, 0]\n[[prescribe]]\nset = \"upper\"\n\
+                 u = [0, \"4e-5*t\"]\n[steps]\nincrements = 4\n[output]\nframes = 1\n";
+    let at_the_end = |is_text: bool, more: &[&str]| {
+        let folder = plate((is_text, "nodal"), BY_GRADIENT, steps);
+        folder.run(more).expect(0);
+        let (header, rows) = table(&folder.out().join("energy.csv"));
+        let of = |name: &str| header.iter().position(|x| *x == name).unwrap();
+        let last = rows.last().unwrap();
+        [last[of("t")], last[of("broken_bonds")]]
+    };
+    let events = ["--set", "steps.control=\"event\"", "--set", "steps.events=3"];
+    for more in [&[][..], &events] {
+        let [text, gradient] = [true, false].map(|is_text| at_the_end(is_text, more));
+        println!("{more:?}: {text:?} {gradient:?}");
+        // The crack is there from the start.
+        assert!(text[1] > 438.0 && text[1] == gradient[1], "{text:?} {gradient:?}");
+        assert!((text[0] / gradient[0] - 1.0).abs() < 1e-9, "{text:?} {gradient:?}");
+    }
+    let folder = plate((true, "nodal"), BY_GRADIENT, steps);
+    let ends = ["--at", "0.051,0.019", "0.051,0.021"];
+    let told = piola(&[&["explain-bond", &folder.scene()], &ends[..]].concat()).expect(0);
+    assert!(told.stdout.contains("> wc and det(I + H) > 1"), "{}", told.stdout);
 }
 
 /// Moduli of the lattice are those of the energy of F, in every text.

@@ -2,8 +2,8 @@
 
 use serde_json::Value;
 
-use crate::scenes::strip;
-use crate::support::{SceneFolder, number};
+use crate::scenes::{strip, strip_with};
+use crate::support::{SceneFolder, number, piola};
 
 /// Total energy at the end, and what the summary says of the solver.
 fn solved(folder: &SceneFolder, choices: &[&str]) -> (f64, Value, Value) {
@@ -33,6 +33,37 @@ fn relaxation_finds_the_same_equilibria() {
     assert!(svg.contains("hundreds of steps") && !svg.contains("Newton"));
     let beyond = ["--force", "--set", "steps.find=relaxation", "--set", "solver.tolerance=1e-18"];
     folder.run(&beyond).expect(3).says(&["rounding floor"]);
+}
+
+/// Along rows, by fours or in batches: of interactions, gathered values and gradients. A bench says which way it was.
+#[test]
+fn passes_go_as_the_scene_says() {
+    let folder = strip_with("spacing = 0.1", "spacing = 0.04");
+    for (potential, parameters, ways, in_batches) in [
+        ("javili2020", "{C1=1,C2=0}", &["rows"][..], &["compiled batches"][..]),
+        (
+            "linear_peridynamic_solid",
+            "{K=2,G=1}",
+            &["compiled families", "rows"],
+            &["compiled families"],
+        ),
+        ("neo_hooke", "{lambda=1,mu=1}", &["compiled families", "rows"], &["compiled families"]),
+    ] {
+        let potential = format!("material.potential={potential}");
+        let parameters = format!("material.parameters={parameters}");
+        let energy = |passes: &str, expected: &[&str]| {
+            let choices = [&potential, &parameters, passes];
+            let scene = folder.scene();
+            let mut bench = vec!["bench", &scene, "--format", "json"];
+            bench.extend(choices.iter().flat_map(|choice| ["--set", choice]));
+            let bench = piola(&bench).expect(0).json();
+            assert_eq!(bench["ways"], serde_json::json!(expected), "{choices:?}");
+            solved(&folder, &choices).0
+        };
+        let shortest = energy("solver.passes=auto", ways);
+        let batches = energy("solver.passes=batches", in_batches);
+        assert!((shortest / batches - 1.0).abs() < 1e-9, "{potential}: {shortest} {batches}");
+    }
 }
 
 #[test]

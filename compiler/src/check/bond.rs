@@ -318,6 +318,20 @@ impl Builder<'_> {
         });
     }
 
+    /// Whether a value holds what a bond has beside what a point gathers and beside its length: its vector, now or at
+    /// rest, or what its other end gathers.
+    pub(super) fn sees_bond(&self, root: NodeId) -> bool {
+        let numbers = match self.elaborator.symbols.get(BOND) {
+            Some(Symbol::Bond(first)) => first..first + self.variant.dimension,
+            _ => 0..0,
+        };
+        self.elaborator.holds(&[root], |input| match input {
+            Input::Part(Part::Moved(_)) | Input::Neighbour(_) => true,
+            Input::Parameter(number) => numbers.contains(&usize::from(number)),
+            _ => false,
+        })
+    }
+
     /// Finds out whether anything depends on the direction of a bond, and refuses what is another from its
     /// other end.
     pub(super) fn check_directions(&mut self) {
@@ -386,36 +400,36 @@ impl Builder<'_> {
         errors.into_iter().for_each(|error| self.elaborator.report(error));
     }
 
-    /// What both ends of a bond see apart, by its root and its place: integrands, and energies of bonds with
-    /// what their point gathers.
+    /// What both ends of a bond see apart, by its root and its place: integrands, and energies and conditions of bonds
+    /// with what their point gathers.
     fn seen_from_ends(&self) -> Vec<(NodeId, Span)> {
         let integrals = self.variant.integrals.iter().filter(|one| !one.is_function);
         let energies = self.variant.gathered_energies.iter().filter(|one| one.of_bonds);
         let integrals = integrals.map(|one| (one.root, one.span));
-        integrals.chain(energies.map(|one| (one.root, one.span))).collect()
+        let breaks = self.variant.family_breaks.iter().filter(|one| one.of == OfFamily::Bonds);
+        let breaks = breaks.map(|one| (one.root, one.span));
+        integrals.chain(energies.map(|one| (one.root, one.span))).chain(breaks).collect()
     }
 
     /// Finds out whether points gather vectors and tensors, and refuses what is not there for these.
     pub(super) fn check_vectors(&mut self) {
         let variant = &self.variant;
-        let energies: Vec<NodeId> = variant.gathered_energies.iter().map(|one| one.root).collect();
+        let energies = variant.gathered_energies.iter().map(|one| one.root);
+        let breaks = variant.family_breaks.iter().filter(|one| one.of == OfFamily::Bonds);
+        let by_ends: Vec<NodeId> = energies.chain(breaks.map(|one| one.root)).collect();
         let is_neighbour = |input: Input| matches!(input, Input::Neighbour(_));
-        let holds_neighbour = self.elaborator.holds(&energies, is_neighbour);
+        let holds_neighbour = self.elaborator.holds(&by_ends, is_neighbour);
         let has_functions = variant.integrals.iter().any(|one| one.is_function);
         self.variant.gathers_vectors |= holds_neighbour || has_functions;
         if !self.variant.gathers_vectors {
             return;
         }
         self.variant.sees_directions = true;
-        let of_points = |of: &OfFamily| *of != OfFamily::Gradient;
-        let breaks = self.variant.family_breaks.iter().filter(|one| of_points(&one.of));
-        let updates = self.variant.family_updates.iter().filter(|one| of_points(&one.of));
-        let spans: Vec<(Span, &str)> = breaks
-            .map(|one| (one.span, "a condition"))
-            .chain(updates.map(|one| (one.span, "an update")))
-            .collect();
-        for (span, what) in spans {
-            let message = format!("{what} cannot hold what points gather of vectors");
+        let updates = self.variant.family_updates.iter();
+        let updates = updates.filter(|one| one.of != OfFamily::Gradient);
+        let spans: Vec<Span> = updates.map(|one| one.span).collect();
+        for span in spans {
+            let message = "an update cannot hold what points gather of vectors";
             let error = Diagnostic::error("wrong-measure", span, message).label(
                 "an integral here is one of a file whose integrals or energies hold vectors",
             );

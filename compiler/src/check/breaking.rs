@@ -86,9 +86,10 @@ impl Builder<'_> {
         if (value.uses == GRADIENT || value.uses == 0 && remembers) && of_one(OfFamily::Gradient) {
             return Some(Of::Family(OfFamily::Gradient));
         }
-        let is_gathered = value.uses & !LENGTH == INTEGRAL;
+        let is_gathered = value.uses & !(LENGTH | PART) == INTEGRAL;
+        let is_gathered = is_gathered && !self.elaborator.holds_parts(&[value.node]);
         if (is_gathered || value.uses & !LENGTH == 0 && remembers) && of_one(OfFamily::Points) {
-            let of_bonds = value.uses & LENGTH != 0;
+            let of_bonds = value.uses & LENGTH != 0 || self.sees_bond(value.node);
             let family = if of_bonds { OfFamily::Bonds } else { OfFamily::Points };
             return Some(Of::Family(family));
         }

@@ -111,7 +111,7 @@ impl Elaborator<'_> {
     }
 
     /// Whether some roots hold a part of a triangle or a tetrahedron.
-    fn holds_parts(&self, roots: &[NodeId]) -> bool {
+    pub(super) fn holds_parts(&self, roots: &[NodeId]) -> bool {
         self.holds(roots, |input| match input {
             Input::Part(part) => !matches!(part, Part::Moved(_)),
             Input::PartAtRest(_) => true,

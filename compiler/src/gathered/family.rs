@@ -180,7 +180,7 @@ impl FamilyKernel {
 ///
 /// Independent of everything that happens after the check, and so the witness for it.
 #[derive(Clone, Debug)]
-pub(crate) struct WrittenFamily {
+pub struct WrittenFamily {
     /// What is added up.
     pub(super) terms: Written,
     /// The number of the multiplier of each term; of terms without one nothing.

@@ -2,7 +2,7 @@
 
 use piola_grammar::Span;
 
-use super::vectors::{Made, Which};
+use super::vectors::{Made, Which, conditions_of_vectors};
 use super::{Subject, argument};
 use crate::density::DensityForm;
 use crate::expression::{Input, NodeId};
@@ -136,6 +136,16 @@ impl Model {
             };
             found.functions.push(GatheredFunction { kind, text, form, variables, given });
         }
+        let first = first_of_gathered(variant);
+        for (k, condition) in conditions_of_vectors(variant).enumerate() {
+            let made = self.margin_of_vectors(variant, condition, Known(values), form(values))?;
+            let [variables, given] = [made.variables, made.given]
+                .map(|slots| slots.into_iter().map(|slot| slot.input()).collect());
+            let holds_at_zero = condition.holds_at_zero;
+            let kind = GatheredFunctionKind::Margin { number: first + k, holds_at_zero };
+            let (text, form) = (condition.text.clone(), made.form);
+            found.functions.push(GatheredFunction { kind, text, form, variables, given });
+        }
         Ok(())
     }
 
@@ -165,9 +175,7 @@ impl Model {
                 (GatheredFunctionKind::Energy { of_bonds }, argument(variant, of_bonds));
             found.functions.push(function((variant, of_bonds), (kind, text), form));
         }
-        // Of gradients come first, as `Model::gradient_functions` numbers them.
-        let gradients = variant.family_breaks.iter().filter(|one| one.of == OfFamily::Gradient);
-        let first = variant.breaks.len() + gradients.count() + 1;
+        let first = first_of_gathered(variant);
         let gathered = variant.family_breaks.iter().filter(|one| one.of != OfFamily::Gradient);
         for (k, Break { of, root, holds_at_zero, span, text, .. }) in gathered.enumerate() {
             let (number, holds_at_zero) = (first + k, *holds_at_zero);
@@ -204,6 +212,13 @@ impl Model {
         let (made, _) = self.gathered_form(subject, named, known, which)?;
         made.ok_or(CompileError::WrongDimension(variant.dimension))
     }
+}
+
+/// The number of the first condition of gathered values: those of gradients come first, as
+/// `Model::gradient_functions` numbers them.
+fn first_of_gathered(variant: &Variant) -> usize {
+    let gradients = variant.family_breaks.iter().filter(|one| one.of == OfFamily::Gradient);
+    variant.breaks.len() + gradients.count() + 1
 }
 
 /// As it is compiled, or as it is written.

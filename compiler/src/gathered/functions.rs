@@ -19,7 +19,8 @@ pub type GatheredCriterion = FamilyCriterion<GatheredKernel, WrittenGatheredEner
 pub type GatheredNextState = FamilyNextState<GatheredKernel, WrittenGatheredEnergy>;
 
 impl Model {
-    /// When bonds break by what points gather, for these values: any one of these conditions is enough.
+    /// When bonds break by numbers that points gather, for these values: any one of these conditions is enough.
+    /// Those of vectors: [`Model::vector_criteria`].
     ///
     /// # Errors
     /// A condition that is too large, or the horizon where none is given.
@@ -31,6 +32,9 @@ impl Model {
     ) -> Result<Vec<GatheredCriterion>, CompileError> {
         let variant =
             self.variant(values.dimension).ok_or(CompileError::WrongDimension(values.dimension))?;
+        if variant.gathers_vectors {
+            return Ok(Vec::new());
+        }
         let criterion = |one: &Break<OfFamily>| {
             let of_bonds = one.of == OfFamily::Bonds;
             let (margin, written) = self.gathered_function(

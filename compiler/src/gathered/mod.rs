@@ -12,12 +12,11 @@ mod kernel;
 mod near;
 pub(crate) mod vectors;
 
-pub(crate) use family::WrittenFamily;
-pub use family::{FamilyBatch, FamilyKernel, Slot};
+pub use family::{FamilyBatch, FamilyKernel, Slot, WrittenFamily};
 pub use forms::{GatheredForms, GatheredFunction, GatheredFunctionKind};
 pub use functions::{GatheredCriterion, GatheredNextState};
 pub use kernel::{GatheredBatch, GatheredKernel, WrittenGatheredEnergy};
-pub use vectors::VectorKernels;
+pub use vectors::{VectorCriterion, VectorKernels};
 
 use crate::clique::Part;
 use crate::density::DensityForm;

@@ -6,18 +6,19 @@
 
 use super::family::{FamilyKernel, Slot, WrittenFamily};
 use super::{argument, energies};
+use crate::breaking::FamilyCriterion;
 use crate::clique::Part;
 use crate::coupled::form::{accurate, substituted};
 use crate::density::DensityForm;
 use crate::expression::{ExprGraph, Function, Input, Node, NodeId, TooManyNodes};
 use crate::kernel::Mode;
 use crate::measure::Measure;
-use crate::model::{Model, Variant};
+use crate::model::{Break, Model, OfFamily, Variant};
 use crate::point::adjoint::{self, Varied};
 use crate::point::near::near_of_vanishing;
 use crate::simplify::Simplifier;
 use crate::specialise::{
-    CompileError, Dropped, Form, Known, Named, folded, substituted_into, sum_in,
+    CompileError, Dropped, Form, Known, Named, folded, or_zero, substituted_into, sum_in,
 };
 use crate::values::Values;
 use crate::written::Written;
@@ -45,6 +46,9 @@ impl VectorKernels {
     }
 }
 
+/// When bonds break by what points gather of vectors: by the vector of a bond, too, or all bonds of a point.
+pub type VectorCriterion = FamilyCriterion<FamilyKernel, WrittenFamily>;
+
 /// Which of the functions of a potential of vectors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Which {
@@ -65,6 +69,12 @@ pub(crate) struct Made {
 fn numbers(variant: &Variant, functions: bool) -> Vec<usize> {
     let all = 0..variant.integrals.len();
     all.filter(|k| variant.integrals[*k].is_function == functions).collect()
+}
+
+/// The conditions of what points gather of vectors.
+pub(crate) fn conditions_of_vectors(variant: &Variant) -> impl Iterator<Item = &Break<OfFamily>> {
+    let all = variant.family_breaks.iter().filter(|_| variant.gathers_vectors);
+    all.filter(|one| one.of != OfFamily::Gradient)
 }
 
 /// Which of what points gather changes with displacements.
@@ -211,18 +221,78 @@ impl Model {
     ) -> Result<Option<Made>, TooManyNodes> {
         let (exact, fold) = (Simplifier::exact(), known.fold());
         let sum = sum_in(exact, &variant.graph, &self.parameters, subject, &fold, dropped)?;
-        let Some((exact, root)) = sum else { return Ok(None) };
+        let is_of_bonds = which == Which::Bonds;
+        sum.map(|sum| self.of_vectors((variant, is_of_bonds), known, sum, form)).transpose()
+    }
+
+    /// A function of what points gather, of bonds or of points, with its derivatives.
+    fn of_vectors(
+        &self,
+        (variant, is_of_bonds): (&Variant, bool),
+        known: Known<'_>,
+        (exact, root): (Simplifier, NodeId),
+        form: Form,
+    ) -> Result<Made, TooManyNodes> {
+        let fold = known.fold();
         let (graph, place) = folded(exact.graph(), &[root])?;
         let roots = vec![place[root.0 as usize]];
         let (graph, roots) = self.digits((variant, &fold), graph, roots, form)?;
         let changes = changing(variant);
-        let is_of_bonds = which == Which::Bonds;
         let of = (variant.dimension, known);
-        let made = self.made((graph, roots[0]), of, is_of_bonds, |slot| match slot {
+        self.made((graph, roots[0]), of, is_of_bonds, |slot| match slot {
             Slot::Own(k) | Slot::Neighbour(k) => changes[k],
             _ => false,
-        });
-        made.map(Some)
+        })
+    }
+
+    /// When bonds break by what points gather of vectors, for these values: any one of these conditions is enough.
+    /// Kernels of bonds take the length at rest, those of points do not.
+    ///
+    /// # Errors
+    /// A condition that is too large, or the horizon where none is given.
+    pub fn vector_criteria(
+        &self,
+        values: &Values,
+        mode: Mode,
+        form: Form,
+    ) -> Result<Vec<VectorCriterion>, CompileError> {
+        let variant =
+            self.variant(values.dimension).ok_or(CompileError::WrongDimension(values.dimension))?;
+        let criterion = |one: &Break<OfFamily>| {
+            let made = self.margin_of_vectors(variant, one, Known(Some(values)), form)?;
+            let terms = Written::new(&variant.graph, &[one.root], values);
+            let written = WrittenFamily {
+                terms,
+                multipliers: vec![None],
+                first_direction: self.parameters().len() as u16,
+                functions: Vec::new(),
+            };
+            let slots = (made.variables, made.given);
+            let margin = FamilyKernel::new(made.form, mode, slots, written.clone())?;
+            Ok(VectorCriterion::new(one, margin, written))
+        };
+        conditions_of_vectors(variant).map(criterion).collect()
+    }
+
+    /// The margin of a condition, which is kept also where parameters leave nothing of it.
+    pub(crate) fn margin_of_vectors(
+        &self,
+        variant: &Variant,
+        condition: &Break<OfFamily>,
+        known: Known<'_>,
+        form: Form,
+    ) -> Result<Made, CompileError> {
+        let named = Named { argument: "integral", span: condition.span };
+        named.has_horizon(&variant.graph, &[condition.root], known.lacks_horizon())?;
+        let subject = ("integral", std::slice::from_ref(&condition.root));
+        let (exact, mut dropped) = (Simplifier::exact(), Vec::new());
+        let sum =
+            sum_in(exact, &variant.graph, &self.parameters, subject, &known.fold(), &mut dropped);
+        let of = (variant, condition.of == OfFamily::Bonds);
+        let made = sum.and_then(or_zero).and_then(|sum| self.of_vectors(of, known, sum, form));
+        let made = named.made(made)?;
+        named.fits(&made.form.graph)?;
+        Ok(made)
     }
 
     /// All integrands, or all functions of integrals, times their multipliers.

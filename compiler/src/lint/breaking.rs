@@ -5,6 +5,7 @@ use piola_grammar::Span;
 
 use super::Finding;
 use super::subject::{example, short};
+use super::vectors::Family;
 use crate::breaking::Criterion;
 use crate::kernel::Mode;
 use crate::measure::Measure;
@@ -46,6 +47,7 @@ impl Breaking {
         let mut all = Breaking::of_measures(model, dimension);
         all.extend(Breaking::of_gradients(model, dimension));
         all.extend(Breaking::of_points(model, dimension));
+        all.extend(Breaking::of_vectors(model, dimension));
         all
     }
 
@@ -87,6 +89,18 @@ impl Breaking {
         Breaking::of_families(model, dimension, |condition| {
             let one = criteria.iter().find(|one| one.text == condition.text)?;
             Some(places.iter().map(|place| breaks_at(&begin, one, place)).collect())
+        })
+    }
+
+    /// Those of what points gather of vectors.
+    fn of_vectors(model: &Model, dimension: usize) -> Vec<Breaking> {
+        let Some(family) = Family::new(model, dimension) else { return Vec::new() };
+        let places = deformed(dimension);
+        Breaking::of_families(model, dimension, |condition| {
+            let one = family.criteria.iter().find(|one| one.text == condition.text)?;
+            let breaks =
+                |(stretch, change): &(f64, Vec<f64>)| (*stretch, family.breaks(one, change));
+            Some(places.iter().map(breaks).collect())
         })
     }
 

@@ -288,7 +288,22 @@ fn gathered_numbers_are_looked_at() {
     let remembering = |lines: &str| {
         format!("potential p\nm = integral(1)\ne = integral(l/L - 1)\nstate k = 0\n{lines}\n")
     };
+    let tensors = |lines: &str| {
+        format!(
+            "potential p\nK = integral(dyad(Xi, Xi))\nH = integral(dyad(xi - Xi, Xi))*inv(K)\n\
+             psi(H) = (H + H') : (H + H')\nallow \"not-objective\" \"linear\"\n{lines}\n"
+        )
+    };
     for (text, code) in [
+        (tensors("break when tr(H) >= 0"), "breaks-at-rest"),
+        (tensors("break when det(I + H) - 1 > 0.1"), ""),
+        (tensors("break when det(I + H) - 1 > 1001"), "never-breaks"),
+        (tensors("break when H : H > 0.01"), "breaks-in-compression"),
+        (tensors("break when norm(xi)/L - 1 > 0.1"), ""),
+        (
+            tensors("break when norm(xi)/L - 1 > 0.1 + tr(H + neighbour(H))"),
+            "breaks-in-compression",
+        ),
         (potential("break when e/m >= 0"), "breaks-at-rest"),
         (potential("break when m > 0"), "breaks-at-rest"),
         (potential("break when e/m > 0.1"), ""),

@@ -53,12 +53,11 @@ impl RememberingPoint {
         let next = model.gathered_next_states(&values, mode, form)?;
         let fields = values.typical().map(|(_, value)| value).collect();
         let time_step = dt.and_then(|dt| values.fields.iter().position(|field| *field == dt));
-        let spacing = values.horizon / SPACINGS;
         let family = Family {
             next,
             integrals: std::mem::take(&mut kernels.integrals),
-            vectors: neighbours(values.dimension, spacing),
-            volume: (0..values.dimension).fold(1.0, |volume, _| volume * spacing),
+            vectors: neighbours(values.dimension, values.horizon),
+            volume: volume(values.dimension, values.horizon),
         };
         let point = RememberingPoint { family: Arc::new(family), fields, time_step };
         Ok(Some((point, kernels, values)))
@@ -165,8 +164,14 @@ impl Family {
     }
 }
 
+/// The volume of a point of the lattice, in m^d.
+pub(crate) fn volume(dimension: usize, horizon: f64) -> f64 {
+    (0..dimension).fold(1.0, |volume, _| volume * horizon / SPACINGS)
+}
+
 /// Vectors of a square or cubic lattice up to the horizon.
-fn neighbours(dimension: usize, spacing: f64) -> Vec<Vec<f64>> {
+pub(crate) fn neighbours(dimension: usize, horizon: f64) -> Vec<Vec<f64>> {
+    let spacing = horizon / SPACINGS;
     let reach = SPACINGS.floor() as i32;
     let along = || -reach..=reach;
     let mut vectors: Vec<Vec<i32>> = vec![Vec::new()];

@@ -11,7 +11,7 @@
 //! | `gradient` | energies of the deformation gradient |
 //! | `gathered` | energies of gathered values |
 //! | `vectors` | what points gather of vectors, and energies of it |
-//! | `margin`, `gradient_margin`, `gathered_margin` | conditions under which bonds break (`threshold`) |
+//! | `margin`, `gradient_margin`, `gathered_margin`, `vector_margin` | conditions under which bonds break (`threshold`) |
 //! | `remember` | what interactions remember, and all of the above with it |
 //! | `dissipation` | what bonds dissipate |
 //! | `consistent` | energies of measures at what interactions come to remember, with the tangent of load steps |
@@ -36,6 +36,7 @@ pub mod sample;
 pub(crate) mod stated;
 mod threshold;
 pub mod truth;
+mod vector_margin;
 pub(crate) mod vectors;
 
 use crate::compile::{Compiled, Kind};

@@ -4,7 +4,7 @@
 
 use super::gathered::largest;
 use super::sample::Random;
-use super::{Subject, Verification, Witness};
+use super::{Subject, Verification, Witness, vector_margin};
 use crate::expression::number::Number;
 use crate::expression::precise::Precise;
 use crate::gathered::vectors::Which;
@@ -45,6 +45,7 @@ pub(super) fn verify(
     let Some(dual) = compiled(Mode::HyperDual)? else { return Ok(Vec::new()) };
     let Some(variant) = model.variant(values.dimension) else { return Ok(Vec::new()) };
     let places = places(&strict, (model, values), n);
+    let margins = vector_margin::verify((model, values), &strict, n)?;
     let mut found = Vec::new();
     for which in [Which::Integrands, Which::Functions, Which::Points, Which::Bonds] {
         let ways = [&strict, &fast, &interpreted, &dual].map(|kernels| of(kernels, which));
@@ -60,6 +61,7 @@ pub(super) fn verify(
         verification.judge(ways, BAR, largest, places);
         found.push(verification);
     }
+    found.extend(margins);
     Ok(found)
 }
 
@@ -101,6 +103,14 @@ pub(crate) struct Place {
 }
 
 impl Place {
+    /// A bond whose other end is at `rest` and has moved so far, both in m, with what both ends gather.
+    pub(crate) fn new(rest: &[f64], moved: Vec<f64>, gathered: Vec<f64>) -> Place {
+        let length = rest.iter().fold(0.0, |sum, x| sum + x * x).sqrt();
+        let unit = rest.iter().map(|x| x / length).collect();
+        let random = [vec![0.0; gathered.len()], Vec::new()];
+        Place { unit, length, moved, gathered: [gathered.clone(), gathered], random }
+    }
+
     /// The place of these numbers: what a kernel is differentiated by and what it takes beside, the direction at rest,
     /// and the direction of products; all else is 0.
     pub(crate) fn of(kernel: &FamilyKernel, (d, m): (usize, usize), given: &[f64]) -> Place {
@@ -162,6 +172,17 @@ impl Place {
 }
 
 impl Place {
+    /// The same bond a part `t` of the way to another in all that changes with displacements: what has moved, in parts
+    /// of the length at rest, and what is gathered.
+    pub(super) fn with(&self, other: &Place, t: f64) -> Place {
+        let between = |x: &[f64], y: &[f64], scale: f64| -> Vec<f64> {
+            x.iter().zip(y).map(|(x, y)| x + t * (scale * y - x)).collect()
+        };
+        let gathered = [0, 1].map(|end| between(&self.gathered[end], &other.gathered[end], 1.0));
+        let moved = between(&self.moved, &other.moved, self.length / other.length);
+        Place { moved, gathered, ..self.clone() }
+    }
+
     /// Turns the vector of the bond by about 2 in the first plane, then by about 1 in the last.
     fn turn(&mut self) {
         let d = self.unit.len();
@@ -217,7 +238,7 @@ pub(crate) fn bond(
     };
     let ends = [0; 2].map(|_| {
         let bonds = of(family(random, (d, m), sizes));
-        gathered(kernels, &bonds, random)
+        gathered(kernels, &bonds, || random.uniform(0.05, 0.15))
     });
     let mut bond = of(family(random, (d, m), sizes)).all.swap_remove(0);
     bond.gathered = ends;
@@ -265,8 +286,12 @@ pub(crate) fn turned(kernels: &VectorKernels, (model, values): (&Model, &Values)
     [0, 1].map(|part| [at_rest[part], turned[part]])
 }
 
-/// What a point gathers from a family whose bonds have random volumes.
-fn gathered(kernels: &VectorKernels, bonds: &Places<'_>, random: &mut Random) -> Vec<f64> {
+/// What a point gathers from a family whose bonds have these volumes.
+pub(crate) fn gathered(
+    kernels: &VectorKernels,
+    bonds: &Places<'_>,
+    mut volume: impl FnMut() -> f64,
+) -> Vec<f64> {
     let mut gathered = vec![0.0; kernels.n_gathered];
     let multiplied = |kernel: &FamilyKernel, places: &Places<'_>| -> Vec<Vec<(usize, f64)>> {
         let of = |values: Vec<f64>| {
@@ -277,10 +302,10 @@ fn gathered(kernels: &VectorKernels, bonds: &Places<'_>, random: &mut Random) ->
             });
             multiplied.collect()
         };
-        evaluate(kernel, places).into_iter().map(of).collect()
+        gradients(kernel, places).into_iter().map(of).collect()
     };
     for bond in multiplied(&kernels.integrands, bonds) {
-        let volume = random.uniform(0.05, 0.15);
+        let volume = volume();
         bond.into_iter().for_each(|(k, value)| gathered[k] += volume * value);
     }
     if let Some(kernel) = &kernels.functions {
@@ -300,12 +325,37 @@ fn gathered(kernels: &VectorKernels, bonds: &Places<'_>, random: &mut Random) ->
 /// Value, gradient and product of a kernel at all places.
 pub(crate) fn evaluate(kernel: &FamilyKernel, places: &Places<'_>) -> Vec<Vec<f64>> {
     let (n, m) = (places.all.len(), kernel.variables().len());
+    let direction: Vec<f64> =
+        (0..m).flat_map(|k| places.all.iter().map(move |place| place.random[1][k])).collect();
+    let mut product = vec![0.0; m * n];
+    batch(kernel, places, |at| kernel.product(at, &direction, &mut product));
+    let column = |p: usize| product.iter().skip(p).step_by(n).copied().collect::<Vec<f64>>();
+    let found = gradients(kernel, places).into_iter().enumerate();
+    found.map(|(p, found)| [found, column(p)].concat()).collect()
+}
+
+/// Value and gradient.
+fn gradients(kernel: &FamilyKernel, places: &Places<'_>) -> Vec<Vec<f64>> {
+    let (n, m) = (places.all.len(), kernel.variables().len());
+    let (mut value, mut gradient) = (vec![0.0; n], vec![0.0; m * n]);
+    batch(kernel, places, |at| kernel.evaluate(at, &mut value, &mut gradient));
+    let column = |p: usize| gradient.iter().skip(p).step_by(n).copied().collect::<Vec<f64>>();
+    (0..n).map(|p| [vec![value[p]], column(p)].concat()).collect()
+}
+
+/// The value alone.
+pub(crate) fn values(kernel: &FamilyKernel, places: &Places<'_>) -> Vec<f64> {
+    let mut value = vec![0.0; places.all.len()];
+    batch(kernel, places, |at| kernel.evaluate(at, &mut value, &mut []));
+    value
+}
+
+/// Hands places over as a kernel takes them.
+fn batch(kernel: &FamilyKernel, places: &Places<'_>, take: impl FnOnce(FamilyBatch<'_>)) {
     let of = |slots: &[Slot]| -> Vec<f64> {
         slots.iter().flat_map(|slot| places.all.iter().map(|place| place.slot(*slot))).collect()
     };
     let (variables, given) = (of(kernel.variables()), of(kernel.given()));
-    let direction: Vec<f64> =
-        (0..m).flat_map(|k| places.all.iter().map(move |place| place.random[1][k])).collect();
     let typical = kernel.fields().iter().zip(&places.values.fields);
     let fields: Vec<f64> = typical
         .flat_map(|(value, number)| {
@@ -313,13 +363,8 @@ pub(crate) fn evaluate(kernel: &FamilyKernel, places: &Places<'_>) -> Vec<Vec<f6
             places.all.iter().map(move |place| axis.map_or(*value, |axis| place.unit[axis]))
         })
         .collect();
-    let at = FamilyBatch { n, variables: &variables, given: &given, fields: &fields };
-    let (mut value, mut gradient, mut product) = (vec![0.0; n], vec![0.0; m * n], vec![0.0; m * n]);
-    kernel.evaluate(at, &mut value, &mut gradient);
-    kernel.product(at, &direction, &mut product);
-    let column =
-        |array: &[f64], p: usize| array.iter().skip(p).step_by(n).copied().collect::<Vec<f64>>();
-    (0..n).map(|p| [vec![value[p]], column(&gradient, p), column(&product, p)].concat()).collect()
+    let n = places.all.len();
+    take(FamilyBatch { n, variables: &variables, given: &given, fields: &fields });
 }
 
 /// A function as written, at the places of its kernel.
@@ -343,14 +388,24 @@ impl Seen<'_> {
                 Some(k) => Precise::line(place.slot(slot), slope(k), 0.0),
                 None => Precise::constant(place.slot(slot)),
             };
-            let field = |k: usize| {
-                let number = self.places.values.fields[k];
-                let axis = self.places.directions.clone().position(|own| own == number);
-                let typical = self.places.values.parameters[usize::from(number)];
-                axis.map_or(typical, |axis| place.unit[axis])
-            };
-            self.written.value(slot, Some(&field))
+            self.written.value(slot, Some(&|k| self.field(p, k)))
         })?;
         truth.iter().all(|x| x.is_finite()).then_some(truth)
+    }
+
+    /// The value alone.
+    pub(super) fn value(&self, p: usize) -> Option<f64> {
+        let place = &self.places.all[p];
+        let slot = |slot: Slot| Precise::<256>::constant(place.slot(slot));
+        let value = self.written.value(slot, Some(&|k| self.field(p, k)));
+        value.parts().map(|_| value.rounded()[0])
+    }
+
+    /// A field at a place, by its place among the fields: a component of the direction, or a typical value.
+    fn field(&self, p: usize, k: usize) -> f64 {
+        let number = self.places.values.fields[k];
+        let axis = self.places.directions.clone().position(|own| own == number);
+        let typical = self.places.values.parameters[usize::from(number)];
+        axis.map_or(typical, |axis| self.places.all[p].unit[axis])
     }
 }

@@ -267,6 +267,14 @@ impl DiscreteEnergy {
         Ok(energy)
     }
 
+    /// The same where all interactions go in batches through kernels, along lists of neighbours, also where a
+    /// lattice and an affine law allow a shorter way; to compare with. Before bonds break.
+    pub fn in_batches(self) -> DiscreteEnergy {
+        let mut energy = DiscreteEnergy { on_lattice: OnLattice::default(), fours: None, ..self };
+        energy.report.ways = energy.ways();
+        energy
+    }
+
     /// The body.
     pub fn body(&self) -> &Arc<Body> {
         &self.body

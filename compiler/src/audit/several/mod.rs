@@ -102,7 +102,20 @@ fn audited(
     Found { audit, lost }
 }
 
-pub(super) use numbers::functions;
+/// Margins of conditions of gathered values, then what states of points become, with states by the values.
+///
+/// # Errors
+/// What cannot be compiled.
+pub(super) fn functions(
+    model: &Model,
+    values: &Values,
+    settings: &Settings,
+) -> Result<Vec<Found>, CompileError> {
+    match model.gathers_vectors() {
+        true => vectors::functions(model, values, settings),
+        false => numbers::functions(model, values, settings),
+    }
+}
 
 /// Errors of a function in every regime: of so many of its value, gradient and product.
 fn regimes(

@@ -40,15 +40,12 @@ pub(super) fn audit(
 ///
 /// # Errors
 /// What cannot be compiled.
-pub(in crate::audit) fn functions(
+pub(super) fn functions(
     model: &Model,
     values: &Values,
     settings: &Settings,
 ) -> Result<Vec<Found>, CompileError> {
     let mut all = Vec::new();
-    if model.gathers_vectors() {
-        return Ok(all);
-    }
     let variant =
         model.variant(values.dimension).ok_or(CompileError::WrongDimension(values.dimension))?;
     let mode = Mode::Jit(settings.level);

@@ -5,12 +5,13 @@ use crate::audit::Settings;
 use crate::clique::Part;
 use crate::expression::Input;
 use crate::expression::number::Number as _;
-use crate::gathered::vectors::Which;
-use crate::gathered::{FamilyKernel, Slot, VectorKernels, WrittenFamily};
+use crate::gathered::vectors::{Which, conditions_of_vectors};
+use crate::gathered::{FamilyKernel, Slot, VectorCriterion, VectorKernels, WrittenFamily};
 use crate::kernel::Mode;
-use crate::model::Model;
-use crate::specialise::CompileError;
+use crate::model::{Break, Model, OfFamily};
+use crate::specialise::{CompileError, Known};
 use crate::values::Values;
+use crate::verify::Subject;
 use crate::verify::cause::Exact;
 use crate::verify::sample::Random;
 use crate::verify::stated::cause_of_several;
@@ -21,6 +22,9 @@ const MOST: usize = 2;
 
 /// What a bond moves beside the gradient of its family, in parts of that.
 const BESIDE: f64 = 0.2;
+
+/// A regime of places: its name, and near rest the decade of its strain.
+type Deformed = (String, Option<f64>, Vec<Place>);
 
 pub(super) fn audit(
     model: &Model,
@@ -44,15 +48,53 @@ pub(super) fn audit(
             let (double, exact) = inputs(&place, (model, values), kernel);
             cause_of_several((model, values), form.as_ref()?, order, (double, exact))
         });
-        let given = |(name, strain, places): &(String, Option<f64>, Vec<Place>)| -> Sampled {
-            let places = places.iter().map(|place| place.given(kernel)).collect();
-            (name.clone(), *strain, places)
-        };
-        let sampled = sampled.iter().map(given).collect();
+        let sampled = sampled.iter().map(|regime| given(regime, kernel)).collect();
         Some(audited(&function, sampled, (settings, 3), subject(variant, which)))
     };
     let all = [Which::Integrands, Which::Functions, Which::Points, Which::Bonds];
     Ok(all.into_iter().filter_map(audit).collect())
+}
+
+/// Margins of conditions of what points gather of vectors.
+///
+/// # Errors
+/// What cannot be compiled.
+pub(super) fn functions(
+    model: &Model,
+    values: &Values,
+    settings: &Settings,
+) -> Result<Vec<Found>, CompileError> {
+    let values = &values.with_directions_alone(model);
+    let variant =
+        model.variant(values.dimension).ok_or(CompileError::WrongDimension(values.dimension))?;
+    let mode = Mode::Jit(settings.level);
+    let criteria = model.vector_criteria(values, mode, settings.form)?;
+    let mut kernels = None;
+    if !criteria.is_empty() {
+        model.compile_vectors(values, (mode, settings.form), &mut kernels)?;
+    }
+    let Some(kernels) = kernels else { return Ok(Vec::new()) };
+    let sampled = sampled(&kernels, (model, values), settings.points);
+    let audit = |(condition, one): (&Break<OfFamily>, VectorCriterion)| {
+        let kernel = &one.margin;
+        let known = Known(Some(values));
+        let made = model.margin_of_vectors(variant, condition, known, settings.form)?;
+        let of = (model, values);
+        let mut function = function(kernel, &one.written, of, kernels.n_gathered);
+        function.cause = Box::new(move |order, given| {
+            let place = Place::of(kernel, (values.dimension, kernels.n_gathered), given);
+            cause_of_several(of, &made.form, order, inputs(&place, of, kernel))
+        });
+        let sampled = sampled.iter().map(|regime| given(regime, kernel)).collect();
+        let subject = Subject::Margin(None, one.text.clone());
+        Ok(audited(&function, sampled, (settings, 1), subject))
+    };
+    conditions_of_vectors(variant).zip(criteria).map(audit).collect()
+}
+
+/// The numbers that a kernel takes at the places of a regime.
+fn given((name, strain, places): &Deformed, kernel: &FamilyKernel) -> Sampled {
+    (name.clone(), *strain, places.iter().map(|place| place.given(kernel)).collect())
 }
 
 fn function<'a>(
@@ -116,11 +158,7 @@ fn inputs<'a>(
 }
 
 /// Bonds of random families, strained, stretched, and turned.
-fn sampled(
-    kernels: &VectorKernels,
-    of: (&Model, &Values),
-    points: usize,
-) -> Vec<(String, Option<f64>, Vec<Place>)> {
+fn sampled(kernels: &VectorKernels, of: (&Model, &Values), points: usize) -> Vec<Deformed> {
     let mut random = Random::new(0x6175_6469_7476);
     let mut places = |size: f64, is_turned: bool| -> Vec<Place> {
         let sizes = [size, size * BESIDE];

@@ -20,8 +20,9 @@ pub enum Asked {
     Bond([usize; 2]),
 }
 
-/// A condition of what families give: of deformation gradients, or of what points gather.
-pub struct FamilyCriterion {
+/// A condition of what families give: of deformation gradients, or of what points gather, with its margin as those
+/// take it.
+pub struct FamilyCriterion<M = Box<dyn VariablesLaw>> {
     /// The number of the layer of energies that it belongs to.
     pub layer: usize,
     /// The law in it: places that take this law are judged.
@@ -29,7 +30,7 @@ pub struct FamilyCriterion {
     /// Which of such conditions of the law it is, from 0.
     pub number: usize,
     /// The margin, in the place of psi, with its variables.
-    pub margin: Box<dyn VariablesLaw>,
+    pub margin: M,
     /// Whether bonds break where it is 0, too.
     pub holds_at_zero: bool,
 }
@@ -51,7 +52,7 @@ impl FamilyNextState {
     }
 }
 
-impl FamilyCriterion {
+impl<M> FamilyCriterion<M> {
     /// Adds what is judged at places between two points, or twice the same: all of it where margins at rest are
     /// there to tell, else what breaks.
     pub(crate) fn judge(

@@ -1,9 +1,9 @@
 //! Conditions and next states of what families give, as the mechanics takes them.
 
-use piola_compiler::{CompileError, Form};
+use piola_compiler::{CompileError, FamilyKernel, Form};
 use piola_compiler::{
     GatheredCriterion, GatheredKernel, GatheredNextState, GradientCriterion, GradientNextState,
-    Mode, Model, Values,
+    Mode, Model, Values, VectorCriterion,
 };
 use piola_mechanics::fracture::{FamilyCriterion, FamilyNextState};
 use piola_mechanics::kernel::VariablesLaw;
@@ -18,6 +18,8 @@ pub struct FamilyFunctions {
     pub gradient_criteria: Vec<GradientCriterion>,
     /// Under which conditions of gathered values they do.
     pub gathered_criteria: Vec<GatheredCriterion>,
+    /// The same of what is gathered of vectors.
+    pub vector_criteria: Vec<VectorCriterion>,
     /// What is remembered with deformation gradients, and what that becomes.
     pub gradient_next: Vec<GradientNextState>,
     /// The same of points with what they gather.
@@ -34,6 +36,7 @@ impl FamilyFunctions {
         Ok(FamilyFunctions {
             gradient_criteria: model.gradient_criteria(values, mode, form)?,
             gathered_criteria: model.gathered_criteria(values, mode, form)?,
+            vector_criteria: model.vector_criteria(values, mode, form)?,
             gradient_next: model.gradient_next_states(values, mode, form)?,
             gathered_next: model.gathered_next_states(values, mode, form)?,
         })
@@ -43,7 +46,9 @@ impl FamilyFunctions {
     /// and of gathered values, or not.
     pub(super) fn without_energy(&self, [gradients, gathered]: [bool; 2]) -> Option<&'static str> {
         let of_gradients = !self.gradient_criteria.is_empty() || !self.gradient_next.is_empty();
-        let of_gathered = !self.gathered_criteria.is_empty() || !self.gathered_next.is_empty();
+        let of_gathered = !self.gathered_criteria.is_empty()
+            || !self.vector_criteria.is_empty()
+            || !self.gathered_next.is_empty();
         match (of_gradients && !gradients, of_gathered && !gathered) {
             (true, _) => Some("deformation gradients"),
             (_, true) => Some("gathered values"),
@@ -117,6 +122,21 @@ impl OfLayer<'_> {
                 margin: self.function(law, beside, numbered(one.margin, numbers)),
                 holds_at_zero: one.holds_at_zero,
             }
+        })
+    }
+
+    /// The conditions of what points of a law gather of vectors, behind `first` others.
+    pub(super) fn by_vectors(
+        self,
+        (law, first): (usize, usize),
+        all: Vec<VectorCriterion>,
+    ) -> impl Iterator<Item = FamilyCriterion<FamilyKernel>> {
+        (first..).zip(all).map(move |(number, one)| FamilyCriterion {
+            layer: self.number,
+            law: law as u8,
+            number,
+            margin: one.margin,
+            holds_at_zero: one.holds_at_zero,
         })
     }
 

@@ -19,7 +19,7 @@ use piola_mechanics::vectors::{VectorEnergy, VectorLaws};
 use super::family::{FamilyFunctions, OfLayer};
 use super::fracture::{criterion, next_state, of_layers};
 use super::{Case, CaseError, Compiled, FieldsInTime, size};
-use crate::scene::{InfluenceChoice, NamedInfluence, StrainSource};
+use crate::scene::{InfluenceChoice, NamedInfluence, Passes, StrainSource};
 
 impl Case {
     /// The discrete total energy: the sum of all energies of all potentials.
@@ -124,6 +124,7 @@ impl Case {
     ) -> Result<Vec<Box<dyn Energy>>, CaseError> {
         let fields = materials.as_deref().and_then(Materials::fields);
         let found = || (Arc::clone(&self.body), Arc::clone(neighborhood));
+        let in_batches = self.scene.solver.passes == Passes::Batches;
         let mut terms: Vec<Box<dyn Energy>> = Vec::new();
         let has_interactions = layer.present().any(Compiled::has_interactions);
         let Parts { elements, gathered, vectors, gradients, mut functions } = layer.parts();
@@ -132,7 +133,7 @@ impl Case {
             let materials = materials.clone();
             let energy =
                 DiscreteEnergy::of_materials(body, neighborhood, weighting, materials, elements)?;
-            terms.push(Box::new(energy));
+            terms.push(Box::new(if in_batches { energy.in_batches() } else { energy }));
         }
         if gathered.iter().any(Option::is_some) {
             let (laws, numbers) = states_of_materials(gathered, self.thickness(), fields);
@@ -147,17 +148,25 @@ impl Case {
             let (body, neighborhood) = found();
             let materials = materials.clone();
             let energy = StateEnergy::of_materials(body, neighborhood, materials, laws)?;
+            let energy = if in_batches { energy.in_batches() } else { energy };
             terms.push(Box::new(energy.with_criteria(criteria).with_next_states(next)));
         }
         if vectors.iter().any(Option::is_some) {
             self.check_neighbours(number, &vectors)?;
             let (body, neighborhood) = found();
             let laws = vectors_of_materials(vectors, self.thickness());
+            let of = OfLayer { number, n_laws: functions.len(), n_variables: 0, fields };
+            let mut criteria = Vec::new();
+            for (law, own) in functions.iter_mut().enumerate() {
+                let place = (law, own.gradient_criteria.len());
+                criteria.extend(of.by_vectors(place, take(&mut own.vector_criteria)));
+            }
             let energy = VectorEnergy::new(body, neighborhood, materials.clone(), laws)?;
-            terms.push(Box::new(energy));
+            terms.push(Box::new(energy.with_criteria(criteria)));
         }
         if gradients.iter().any(Option::is_some) {
             let energy = self.correspondence(gradients, found().1, materials.clone())?;
+            let energy = if in_batches { energy.in_batches() } else { energy };
             let n_variables = self.body.dimension() * self.body.dimension();
             let of = OfLayer { number, n_laws: functions.len(), n_variables, fields };
             let (mut criteria, mut next) = (Vec::new(), Vec::new());

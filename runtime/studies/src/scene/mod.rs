@@ -61,8 +61,8 @@ pub use read::MOST_LAWS;
 pub use sets::{Listing, Members, SetDefinition};
 pub(crate) use settings::STATE;
 pub use settings::{
-    ColourBy, DerivativeSource, FrameField, OutputSettings, SolverSettings, Steps, StrainSource,
-    Unstable,
+    ColourBy, DerivativeSource, FrameField, OutputSettings, Passes, SolverSettings, Steps,
+    StrainSource, Unstable,
 };
 pub use source::{Finding, SceneReport, SourceText, Sources};
 pub use vocabulary::{KeyWords, TableWords, ValueWords, vocabulary};

@@ -60,6 +60,8 @@ pub struct SolverSettings {
     pub form: Form,
     /// What strain is computed from.
     pub strain: StrainSource,
+    /// How passes go over the interactions.
+    pub passes: Passes,
     /// Newton iterations per increment.
     pub max_iterations: usize,
     /// What an end state that is not stable means.
@@ -79,6 +81,7 @@ impl Default for SolverSettings {
             level: Level::default(),
             form: Form::default(),
             strain: StrainSource::default(),
+            passes: Passes::default(),
             max_iterations: 25,
             unstable: Unstable::default(),
         }
@@ -137,6 +140,21 @@ pub enum StrainSource {
 impl Words for StrainSource {
     const WORDS: &'static [(&'static str, StrainSource)] =
         &[("displacements", StrainSource::Displacements), ("positions", StrainSource::Positions)];
+}
+
+/// How passes go over the interactions of a body.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Passes {
+    /// The shortest way: along the rows of a lattice or by fours, without kernels where laws are affine.
+    #[default]
+    Auto,
+    /// Along lists of neighbours, in batches through kernels; to compare with.
+    Batches,
+}
+
+impl Words for Passes {
+    const WORDS: &'static [(&'static str, Passes)] =
+        &[("auto", Passes::Auto), ("batches", Passes::Batches)];
 }
 
 /// `[output]`: what is written.

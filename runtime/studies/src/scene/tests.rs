@@ -56,6 +56,7 @@ derivatives = "hyperdual-coordinates"
 level = "strict"
 form = "textbook"
 strain = "positions"
+passes = "batches"
 unstable = "accept"
 max_iterations = 7
 [output]
@@ -147,6 +148,7 @@ fn every_key_is_read() {
         level: Level::Strict,
         form: Form::Textbook,
         strain: StrainSource::Positions,
+        passes: Passes::Batches,
         unstable: Unstable::Accept,
         max_iterations: 7,
     };
@@ -180,6 +182,7 @@ fn every_default_is_filled_in() {
         level: Level::default(),
         form: Form::Accurate,
         strain: StrainSource::Displacements,
+        passes: Passes::Auto,
         unstable: Unstable::Fail,
         max_iterations: 25,
     };
@@ -242,6 +245,7 @@ fn a_resolved_scene_holds_every_key() {
         "level",
         "form",
         "strain",
+        "passes",
         "unstable",
         "max_iterations",
         "frames",

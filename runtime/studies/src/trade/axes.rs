@@ -15,7 +15,7 @@ use piola_solvers::steps::Start;
 
 use super::{ReadCase, TradeError};
 use crate::case::Case;
-use crate::scene::{DerivativeSource, StrainSource};
+use crate::scene::{DerivativeSource, Passes, StrainSource};
 
 /// What an axis changes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -184,6 +184,16 @@ pub const AXES: &[Axis] = &[
         words: tried::<StrainSource>,
         reference: "displacements",
         default: "displacements",
+        scenes: Scenes::All,
+        ..USUAL
+    },
+    Axis {
+        name: "passes",
+        key: "solver.passes",
+        about: "along the rows of a lattice or by fours, or in batches along lists of neighbours",
+        words: tried::<Passes>,
+        reference: "batches",
+        default: "auto",
         scenes: Scenes::All,
         ..USUAL
     },

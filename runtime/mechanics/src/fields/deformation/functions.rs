@@ -69,6 +69,13 @@ impl<const D: usize> Work<D> {
 }
 
 impl DeformationEnergy {
+    /// The same where gradients are gathered along lists of neighbours, also where a lattice has rows; to compare
+    /// with. Before bonds break.
+    pub fn in_batches(mut self) -> DeformationEnergy {
+        self.operator.rows = None;
+        self
+    }
+
     /// The same with conditions under which bonds break.
     pub fn with_criteria(self, criteria: Vec<FamilyCriterion>) -> DeformationEnergy {
         DeformationEnergy { criteria, ..self }

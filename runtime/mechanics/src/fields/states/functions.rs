@@ -26,6 +26,12 @@ struct Deformed<'a> {
 }
 
 impl StateEnergy {
+    /// The same where bonds go in batches through kernels, along lists of neighbours, also where a lattice and
+    /// its laws allow rows; to compare with. Before bonds break.
+    pub fn in_batches(self) -> StateEnergy {
+        StateEnergy { rows: None, ..self }
+    }
+
     /// The same with conditions under which bonds break.
     pub fn with_criteria(self, criteria: Vec<FamilyCriterion>) -> StateEnergy {
         StateEnergy { criteria, ..self }

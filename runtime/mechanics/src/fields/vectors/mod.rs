@@ -11,6 +11,7 @@
 //! | `passes` | what points gather, energies, forces; and the same of directions: products with the Hessian |
 //! | `linear` | second derivatives by what points gather, of which the stored Hessian is made |
 //! | `broken` | families that lose bonds |
+//! | `functions` | conditions under which bonds break |
 //!
 //! The derivative goes the way back: `a_i = dw/ds_i`, then what these pull at the integrals, then what a bond pulls
 //! with, `t_ij = 1/2 dphi/dxi + a_i . dg/dxi`. Kernels give all of it ([`piola_compiler::VectorKernels`]), for
@@ -20,13 +21,14 @@
 
 mod broken;
 mod error;
+mod functions;
 mod linear;
 mod passes;
 
 use std::ops::Range;
 use std::sync::{Arc, OnceLock};
 
-use piola_compiler::VectorKernels;
+use piola_compiler::{FamilyKernel, VectorKernels};
 
 use crate::assembly::AssemblyError;
 use crate::assembly::error::check_neighbors;
@@ -34,6 +36,7 @@ use crate::body::Body;
 use crate::energy::{Energy, Hessian, NonFinite, Wanted, check_sizes};
 use crate::fields::lost::LostBonds;
 use crate::fields::{springs, stored};
+use crate::fracture::{Asked, FamilyCriterion, Judged};
 use crate::interaction::{Report, Slabs};
 use crate::materials::{Fields, Materials};
 use crate::matrix::{BlockMatrix, BlockPattern};
@@ -71,6 +74,7 @@ pub struct VectorEnergy {
     stiffness: OnceLock<f64>,
     /// Which points have no energy, because too little is left of their families.
     is_released: Vec<bool>,
+    criteria: Vec<FamilyCriterion<FamilyKernel>>,
     /// The families before bonds were lost, and which are.
     lost: Option<LostBonds>,
     /// Room for passes, and for their threads.
@@ -127,6 +131,7 @@ impl VectorEnergy {
             bond_pattern: OnceLock::new(),
             stiffness: OnceLock::new(),
             is_released: vec![false; n],
+            criteria: Vec::new(),
             lost: None,
             gathered: Pool::new(),
             room: Pool::new(),
@@ -337,6 +342,18 @@ impl Energy for VectorEnergy {
         match self.dimension() {
             2 => self.changes_of_shares::<2>(u, virials),
             _ => self.changes_of_shares::<3>(u, virials),
+        }
+    }
+
+    fn has_field_conditions(&self) -> bool {
+        !self.criteria.is_empty()
+    }
+
+    fn field_margins(&self, u: &[f64], asked: Asked) -> Result<Vec<Judged>, NonFinite> {
+        assert_eq!(u.len(), self.body.positions().len(), "displacements are n x d");
+        match self.dimension() {
+            2 => self.margins::<2>(u, asked),
+            _ => self.margins::<3>(u, asked),
         }
     }
 

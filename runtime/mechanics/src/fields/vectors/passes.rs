@@ -91,6 +91,14 @@ pub(super) struct Room {
 }
 
 impl Room {
+    /// The value of a kernel at what is prepared, without derivatives.
+    pub(super) fn evaluate(&mut self, kernel: &FamilyKernel) {
+        let Room { ends, variables, given, fields, value, .. } = self;
+        let n = ends.len();
+        clear(value, n);
+        kernel.evaluate(FamilyBatch { n, variables, given, fields }, value, &mut []);
+    }
+
     /// A direction of so many numbers that is 1 at some places of one variable and 0 elsewhere.
     pub(super) fn set_direction(&mut self, n: usize, ones: Range<usize>) {
         clear(&mut self.direction, n);

@@ -88,7 +88,7 @@ pub(super) const STEPS_KEYS: [Row<Steps>; 8] = [
 ];
 
 /// In the order in which they are written.
-pub(super) const SOLVER_KEYS: [Row<SolverSettings>; 12] = [
+pub(super) const SOLVER_KEYS: [Row<SolverSettings>; 13] = [
     ("tolerance", "1e-10", |solver| Slot::Fraction(&mut solver.tolerance)),
     ("start", "\"last\"", |solver| Slot::Word(&mut solver.start)),
     ("newton", "\"full\"", |solver| Slot::Word(&mut solver.newton)),
@@ -99,6 +99,7 @@ pub(super) const SOLVER_KEYS: [Row<SolverSettings>; 12] = [
     ("level", "\"fast\"", |solver| Slot::Word(&mut solver.level)),
     ("form", "\"accurate\"", |solver| Slot::Word(&mut solver.form)),
     ("strain", "\"displacements\"", |solver| Slot::Word(&mut solver.strain)),
+    ("passes", "\"auto\"", |solver| Slot::Word(&mut solver.passes)),
     ("unstable", "\"fail\"", |solver| Slot::Word(&mut solver.unstable)),
     ("max_iterations", "25", |solver| Slot::Count(&mut solver.max_iterations, 1)),
 ];

@@ -218,7 +218,9 @@ fn conditions(compiled: &[Compiled]) -> Vec<Known> {
         let first = one.of_families.gradient_criteria.len();
         let gathered = one.of_families.gathered_criteria.iter().enumerate();
         let gathered = gathered.map(|(k, own)| known(true, first + k, &own.text, &own.reason));
-        lengths.chain(gradients).chain(gathered).collect::<Vec<Known>>()
+        let vectors = one.of_families.vector_criteria.iter().enumerate();
+        let vectors = vectors.map(|(k, own)| known(true, first + k, &own.text, &own.reason));
+        lengths.chain(gradients).chain(gathered).chain(vectors).collect::<Vec<Known>>()
     };
     compiled.iter().flat_map(of_one).collect()
 }

@@ -12,7 +12,6 @@
 //! `2/(sqrt(omega^2 + mu^2) + mu)` are stable, with the largest eigenvalue `mu` of `M^-1 C`. Where both belong
 //! to one motion, as where all bonds are as viscous as stiff, longer ones are not.
 
-use nalgebra::{DMatrix, SymmetricEigen};
 use piola_mechanics::energy::{Energy, Hessian, NonFinite};
 use piola_mechanics::matrix::BlockMatrix;
 use piola_mechanics::vector::dot;
@@ -253,19 +252,44 @@ pub fn step_by_row_sums(
 
 /// The largest eigenvalue of the tridiagonal matrix and the residual of its vector in the space
 /// that goes on with `norm`.
+///
+/// Sturm's sequence `q_1 = d_1 - x`, `q_k = d_k - x - b_(k-1)^2/q_(k-1)` is negative throughout above all
+/// eigenvalues and nowhere else; at the largest one `-dq_n/dx` is one over the square of the last component of its
+/// vector of length 1. So both cost a few dozen operations per row, and no matrix.
 fn largest(diagonal: &[f64], beside: &[f64], norm: f64) -> (f64, f64) {
     let n = diagonal.len();
-    let matrix = DMatrix::from_fn(n, n, |r, c| match r.abs_diff(c) {
-        0 => diagonal[r],
-        1 => beside[r.min(c)],
-        _ => 0.0,
-    });
-    if matrix.iter().any(|x| !x.is_finite()) {
+    if !diagonal.iter().chain(&beside[..n - 1]).all(|x| x.is_finite()) {
         return (f64::NAN, f64::INFINITY);
     }
-    let eigen = SymmetricEigen::new(matrix);
-    let (value, place) = (eigen.eigenvalues.max(), eigen.eigenvalues.imax());
-    (value, norm * eigen.eigenvectors[(n - 1, place)].abs())
+    // The slope of the last of the sequence, where all of it is negative.
+    let slope = |x: f64| {
+        let (mut q, mut slope) = (diagonal[0] - x, -1.0);
+        for k in 1..n {
+            if q >= 0.0 {
+                return None;
+            }
+            let ratio = beside[k - 1] / q;
+            slope = ratio * ratio * slope - 1.0;
+            q = diagonal[k] - x - ratio * beside[k - 1];
+        }
+        (q < 0.0).then_some(slope)
+    };
+    let radius = |k: usize| {
+        let [left, right] = [k.checked_sub(1), Some(k).filter(|k| k + 1 < n)];
+        [left, right].into_iter().flatten().map(|k| beside[k].abs()).sum::<f64>()
+    };
+    let most = (0..n).map(|k| diagonal[k] + radius(k)).fold(f64::NEG_INFINITY, f64::max);
+    let mut low = diagonal.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let mut high = most + 8.0 * f64::EPSILON * most.abs() + f64::MIN_POSITIVE;
+    loop {
+        let middle = low + 0.5 * (high - low);
+        if middle <= low || middle >= high {
+            break;
+        }
+        *if slope(middle).is_some() { &mut high } else { &mut low } = middle;
+    }
+    let last = slope(high).map_or(1.0, |slope| (-1.0 / slope).sqrt());
+    (high, norm * last)
 }
 
 /// Entries that one task works on; fixed, so that sums do not depend on threads.
@@ -336,6 +360,8 @@ fn skipped(mut state: u64, mut steps: usize) -> u64 {
 
 #[cfg(test)]
 mod tests {
+    use nalgebra::{DMatrix, SymmetricEigen};
+
     use super::*;
 
     #[test]
@@ -344,5 +370,43 @@ mod tests {
         for first in [0, 1, 2, 7, 64, 99] {
             assert_eq!(start(&vec![1.0; 100 - first], first), whole[first..]);
         }
+    }
+
+    /// Against a decomposition of the whole matrix, with its vectors: random ones, one whose largest eigenvalue has
+    /// converged, and single numbers.
+    #[test]
+    fn largest_eigenvalues_are_those_of_a_decomposition() {
+        let mut state = 7;
+        let mut random = || {
+            state = Step::ONE.of(state);
+            (state >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+        };
+        let mut all: Vec<(Vec<f64>, Vec<f64>)> = vec![(vec![3.0], vec![]), (vec![-3.0], vec![])];
+        for n in [2, 3, 10, 57, 200] {
+            let diagonal: Vec<f64> = (0..n).map(|_| 5.0 * random()).collect();
+            all.push((diagonal, (1..n).map(|_| random()).collect()));
+            // That of a chain of springs.
+            all.push((vec![2.0; n], vec![-1.0; n - 1]));
+        }
+        all.push((vec![1e9, 1.0, 2.0, 3.0], vec![1.0, 1.0, 1.0]));
+        for (diagonal, beside) in all {
+            let n = diagonal.len();
+            let matrix = DMatrix::from_fn(n, n, |r, c| match r.abs_diff(c) {
+                0 => diagonal[r],
+                1 => beside[r.min(c)],
+                _ => 0.0,
+            });
+            let eigen = SymmetricEigen::new(matrix);
+            let (value, place) = (eigen.eigenvalues.max(), eigen.eigenvalues.imax());
+            let last = eigen.eigenvectors[(n - 1, place)].abs();
+            let size = diagonal.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+            let (found, residual) = largest(&diagonal, &beside, 2.0);
+            assert!((found - value).abs() <= 1e-13 * size, "{n}: {found} {value}");
+            assert!(
+                (residual - 2.0 * last).abs() <= 1e-6 * residual + 1e-7,
+                "{n}: {residual} {last}"
+            );
+        }
+        assert!(largest(&[1.0, f64::NAN], &[1.0], 1.0).0.is_nan());
     }
 }

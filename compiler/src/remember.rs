@@ -1,5 +1,5 @@
-//! One bond, triangle or tetrahedron and what it remembers, from measure to measure: for lints, verification and
-//! studies of single ones.
+//! One bond, triangle or tetrahedron and what it remembers, from measure to measure, or an evenly deformed body with
+//! what its families remember: for lints, verification and studies of single ones.
 
 mod gathering;
 mod gradient;

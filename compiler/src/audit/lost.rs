@@ -9,6 +9,7 @@ use crate::point::sample::Sample;
 use crate::specialise::{CompileError, ScalarEnergy};
 use crate::values::Values;
 use crate::verify::cause::cause;
+use crate::verify::families::a_second_later;
 use crate::verify::remember::histories;
 use crate::verify::stated::cause_of_gradient;
 use crate::verify::{Cause, Subject};
@@ -111,7 +112,9 @@ fn lost_of_functions(
         }
         Ok(())
     })?;
+    let later = a_second_later(model, values).without_fields();
     for (subject, forms) in model.gradient_functions_held(values, settings.form)? {
+        let held = if matches!(subject, Subject::NextState(..)) { &later } else { values };
         let audit = audits.iter().find(|audit| audit.function.as_ref() == Some(&subject));
         let missed = audit.into_iter().flat_map(|audit| &audit.regimes);
         for regime in missed.filter(|regime| regime.worst[0] > settings.bar) {
@@ -121,7 +124,7 @@ fn lost_of_functions(
             };
             let (gradient, change) = (gradient.clone(), change.clone());
             let sample = Sample { gradient, change, direction: direction.clone() };
-            let cause = cause_of_gradient((model, values), &forms, 0, &sample);
+            let cause = cause_of_gradient((model, held), &forms, 0, &sample);
             let (argument, error) = (Some(Argument::Gradient), regime.worst[0]);
             let (function, at) = (Some(subject.clone()), at.clone());
             all_noted(all, cause.map(|cause| Lost { argument, function, cause, at, error }));

@@ -321,28 +321,28 @@ impl Builder<'_> {
     /// Whether a value holds what a bond has beside what a point gathers and beside its length: its vector, now or at
     /// rest, or what its other end gathers.
     pub(super) fn sees_bond(&self, root: NodeId) -> bool {
-        let numbers = match self.elaborator.symbols.get(BOND) {
+        let numbers = self.directions();
+        let is_seen = |input| is_of_bond(&numbers, input) || matches!(input, Input::Neighbour(_));
+        self.elaborator.holds(&[root], is_seen)
+    }
+
+    /// The numbers that stand for the components of the direction of a bond at rest.
+    fn directions(&self) -> std::ops::Range<usize> {
+        match self.elaborator.symbols.get(BOND) {
             Some(Symbol::Bond(first)) => first..first + self.variant.dimension,
             _ => 0..0,
-        };
-        self.elaborator.holds(&[root], |input| match input {
-            Input::Part(Part::Moved(_)) | Input::Neighbour(_) => true,
-            Input::Parameter(number) => numbers.contains(&usize::from(number)),
-            _ => false,
-        })
+        }
     }
 
     /// Finds out whether anything depends on the direction of a bond, and refuses what is another from its
     /// other end.
     pub(super) fn check_directions(&mut self) {
-        let Some(Symbol::Bond(first)) = self.elaborator.symbols.get(BOND) else { return };
+        let numbers = self.directions();
+        if numbers.is_empty() {
+            return;
+        }
         let graph = &self.elaborator.graph;
-        let numbers = first..first + self.variant.dimension;
-        let is_direction = |input: Input| match input {
-            Input::Parameter(number) => numbers.contains(&usize::from(number)),
-            Input::Part(part) => matches!(part, Part::Moved(_)),
-            _ => false,
-        };
+        let is_direction = |input: Input| is_of_bond(&numbers, input);
         let seen = |root: NodeId| {
             let needed = graph.reachable(&[root]);
             let inputs = graph.nodes().filter(|(id, _)| needed[id.0 as usize]);
@@ -431,13 +431,23 @@ impl Builder<'_> {
         for span in spans {
             let message = "an update cannot hold what points gather of vectors";
             let error = Diagnostic::error("wrong-measure", span, message).label(
-                "an integral here is one of a file whose integrals or energies hold vectors",
+                "an integral here is one of a file whose integrals, energies or conditions hold vectors",
             );
             self.elaborator.report(error.help(
                 "hold lengths of bonds instead, or move the energies of vectors and tensors to a potential of \
                  their own",
             ));
         }
+    }
+}
+
+/// Whether an input is of the vector of a bond: of its direction at rest, which has these numbers, or of what its end
+/// has moved by.
+fn is_of_bond(directions: &std::ops::Range<usize>, input: Input) -> bool {
+    match input {
+        Input::Parameter(number) => directions.contains(&usize::from(number)),
+        Input::Part(part) => matches!(part, Part::Moved(_)),
+        _ => false,
     }
 }
 

@@ -110,6 +110,17 @@ impl FamilyKernel {
         &self.given
     }
 
+    /// Whether it is a function of bonds, which know their length at rest; else of points.
+    pub fn of_bonds(&self) -> bool {
+        self.given.contains(&Slot::Length)
+    }
+
+    /// Whether it holds what the other end of a bond gathers.
+    pub fn has_neighbours(&self) -> bool {
+        let slots = self.variables.iter().chain(&self.given);
+        slots.into_iter().any(|slot| matches!(slot, Slot::Neighbour(_)))
+    }
+
     /// Typical values of the parameters that are fields, in the order of [`crate::Values::fields`].
     pub fn fields(&self) -> &[f64] {
         &self.fields

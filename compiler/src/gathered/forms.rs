@@ -2,7 +2,7 @@
 
 use piola_grammar::Span;
 
-use super::vectors::{Made, Which, conditions_of_vectors};
+use super::vectors::{Made, Which};
 use super::{Subject, argument};
 use crate::density::DensityForm;
 use crate::expression::{Input, NodeId};
@@ -137,7 +137,7 @@ impl Model {
             found.functions.push(GatheredFunction { kind, text, form, variables, given });
         }
         let first = first_of_gathered(variant);
-        for (k, condition) in conditions_of_vectors(variant).enumerate() {
+        for (k, condition) in self.conditions_of_vectors(variant).enumerate() {
             let made = self.margin_of_vectors(variant, condition, Known(values), form(values))?;
             let [variables, given] = [made.variables, made.given]
                 .map(|slots| slots.into_iter().map(|slot| slot.input()).collect());

@@ -32,7 +32,7 @@ impl Model {
     ) -> Result<Vec<GatheredCriterion>, CompileError> {
         let variant =
             self.variant(values.dimension).ok_or(CompileError::WrongDimension(values.dimension))?;
-        if variant.gathers_vectors {
+        if self.gathers_vectors() {
             return Ok(Vec::new());
         }
         let criterion = |one: &Break<OfFamily>| {

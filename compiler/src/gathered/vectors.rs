@@ -41,8 +41,7 @@ pub struct VectorKernels {
 impl VectorKernels {
     /// Whether energies couple what both ends of a bond gather, and so points over three horizons.
     pub fn has_neighbours(&self) -> bool {
-        let is_neighbour = |slot: &Slot| matches!(slot, Slot::Neighbour(_));
-        self.bonds.as_ref().is_some_and(|law| law.variables().iter().any(is_neighbour))
+        self.bonds.as_ref().is_some_and(FamilyKernel::has_neighbours)
     }
 }
 
@@ -69,12 +68,6 @@ pub(crate) struct Made {
 fn numbers(variant: &Variant, functions: bool) -> Vec<usize> {
     let all = 0..variant.integrals.len();
     all.filter(|k| variant.integrals[*k].is_function == functions).collect()
-}
-
-/// The conditions of what points gather of vectors.
-pub(crate) fn conditions_of_vectors(variant: &Variant) -> impl Iterator<Item = &Break<OfFamily>> {
-    let all = variant.family_breaks.iter().filter(|_| variant.gathers_vectors);
-    all.filter(|one| one.of != OfFamily::Gradient)
 }
 
 /// Which of what points gather changes with displacements.
@@ -245,6 +238,17 @@ impl Model {
         })
     }
 
+    /// The conditions of what points gather of vectors.
+    pub(crate) fn conditions_of_vectors<'v>(
+        &self,
+        variant: &'v Variant,
+    ) -> impl Iterator<Item = &'v Break<OfFamily>> + use<'v> {
+        // Energies are of vectors where they are in any dimension.
+        let gathers_vectors = self.gathers_vectors();
+        let all = variant.family_breaks.iter().filter(move |_| gathers_vectors);
+        all.filter(|one| one.of != OfFamily::Gradient)
+    }
+
     /// When bonds break by what points gather of vectors, for these values: any one of these conditions is enough.
     /// Kernels of bonds take the length at rest, those of points do not.
     ///
@@ -271,7 +275,7 @@ impl Model {
             let margin = FamilyKernel::new(made.form, mode, slots, written.clone())?;
             Ok(VectorCriterion::new(one, margin, written))
         };
-        conditions_of_vectors(variant).map(criterion).collect()
+        self.conditions_of_vectors(variant).map(criterion).collect()
     }
 
     /// The margin of a condition, which is kept also where parameters leave nothing of it.

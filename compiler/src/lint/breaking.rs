@@ -20,11 +20,12 @@ const REFERENCES: [f64; 2] = [0.5, 0.15];
 /// Points of every decade of the measure.
 const POINTS_PER_DECADE: i32 = 100;
 
-/// Largest stretches of bodies that are tried, for gradients and gathered numbers.
-const STRETCHES_OF_BODIES: [f64; 17] = [
-    1.0, 0.1, 0.5, 0.8, 0.9, 0.95, 0.99, 0.999, 0.9999, 1.0001, 1.001, 1.01, 1.05, 1.1, 1.5, 3.0,
-    10.0,
-];
+/// Largest stretches of bodies that are tried, for gradients and gathered values, between those that are in hundredths.
+const STRETCHES_OF_BODIES: [f64; 11] =
+    [1.0, 0.1, 0.5, 0.8, 0.999, 0.9999, 1.0001, 1.001, 1.5, 3.0, 10.0];
+
+/// In hundredths: of bodies that domains let stretch little.
+const HUNDREDTHS: std::ops::RangeInclusive<i32> = 90..=130;
 
 /// A time in s in which all has happened that time can do.
 const AGE: f64 = 1e12;
@@ -95,7 +96,8 @@ impl Breaking {
     /// Those of what points gather of vectors.
     fn of_vectors(model: &Model, dimension: usize) -> Vec<Breaking> {
         let Some(family) = Family::new(model, dimension) else { return Vec::new() };
-        let places = deformed(dimension);
+        let mut places = deformed(dimension);
+        places.retain(|(_, change)| family.declares(change));
         Breaking::of_families(model, dimension, |condition| {
             let one = family.criteria.iter().find(|one| one.text == condition.text)?;
             let breaks =
@@ -183,7 +185,8 @@ fn deformed(dimension: usize) -> Vec<(f64, Vec<f64>)> {
     let unit = |k: usize| if k / dimension == k % dimension { 1.0 } else { 0.0 };
     let all = |of: &dyn Fn(usize) -> f64| (0..dimension * dimension).map(of).collect();
     let mut places: Vec<(f64, Vec<f64>)> = Vec::new();
-    for stretch in STRETCHES_OF_BODIES {
+    let hundredths = HUNDREDTHS.filter(|k| *k != 100).map(|k| f64::from(k) / 100.0);
+    for stretch in STRETCHES_OF_BODIES.into_iter().chain(hundredths) {
         let e = stretch - 1.0;
         places.push((stretch, all(&|k| e * unit(k))));
         if e > 0.0 {

@@ -317,6 +317,9 @@ fn gathered_numbers_are_looked_at() {
         (potential("break when l/L - 1 >= e/m"), "breaks-at-rest"),
         (potential("break when l/L - 1 > 0.1 + 2*e/m"), "breaks-in-compression"),
         (potential("domain l/L in (0, 2)\nbreak when e/m > 1.2"), "never-breaks"),
+        (potential("domain l/L in (0.9, 1.2)\nbreak when (e/m)^2 > 0.03"), ""),
+        (potential("break when e/m > 0.1 and (Xi(1)/L)^2 > 0.4"), ""),
+        (tensors("domain l/L in (0.9, 1.2)\nbreak when H : H > 0.05"), ""),
         (
             remembering("update k = max(k, e/m)\npsi(e, m) = (1 + k)*(e/m)^2"),
             "update-creates-energy",

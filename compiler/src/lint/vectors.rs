@@ -5,12 +5,14 @@ use piola_grammar::Span;
 
 use super::Finding;
 use super::subject::example;
-use crate::gathered::{VectorCriterion, VectorKernels};
+use crate::gathered::{Slot, VectorCriterion, VectorKernels};
 use crate::kernel::Mode;
+use crate::measure::Measure;
 use crate::model::Model;
 use crate::remember::{neighbours, volume};
 use crate::specialise::Form;
 use crate::values::Values;
+use crate::verify::sample::{Point, contains};
 use crate::verify::vectors::{self, Place, Places, gathered, turned};
 
 /// By which part of itself an energy must change to be told.
@@ -91,13 +93,26 @@ impl<'m> Family<'m> {
         margins.into_iter().any(|margin| criterion.breaks(margin))
     }
 
+    /// Whether the declared domain has all bonds of the body.
+    pub(super) fn declares(&self, change: &[f64]) -> bool {
+        let Some(variant) = self.model.variant(self.values.dimension) else { return false };
+        self.neighbours.iter().all(|rest| {
+            let bond = Place::new(rest, moved(change, rest), Vec::new());
+            let (measure, reference) = (bond.length(), bond.slot(Slot::Length));
+            let point = Point { measure, reference };
+            contains(variant, Measure::Length, &self.values, point)
+        })
+    }
+
     fn bonds(&self, change: &[f64], gathered: &[f64]) -> Places<'_> {
-        let bond = |rest: &Vec<f64>| {
-            let row = |row: &[f64]| row.iter().zip(rest).map(|(h, x)| h * x).sum();
-            let moved = change.chunks(rest.len()).map(row).collect();
-            Place::new(rest, moved, gathered.to_vec())
-        };
+        let bond = |rest: &Vec<f64>| Place::new(rest, moved(change, rest), gathered.to_vec());
         let all = self.neighbours.iter().map(bond).collect();
         Places::new(all, (self.model, &self.values))
     }
+}
+
+/// What a neighbour moves by that is at `rest`.
+fn moved(change: &[f64], rest: &[f64]) -> Vec<f64> {
+    let row = |row: &[f64]| row.iter().zip(rest).map(|(h, x)| h * x).sum();
+    change.chunks(rest.len()).map(row).collect()
 }

@@ -24,6 +24,8 @@ pub(crate) struct RememberingPoint {
     fields: Vec<f64>,
     /// The number of the time step among them.
     time_step: Option<usize>,
+    /// Which of them is which component of the direction of a bond at rest.
+    axes: Vec<Option<usize>>,
 }
 
 #[derive(Debug)]
@@ -59,7 +61,10 @@ impl RememberingPoint {
             vectors: neighbours(values.dimension, values.horizon),
             volume: volume(values.dimension, values.horizon),
         };
-        let point = RememberingPoint { family: Arc::new(family), fields, time_step };
+        let directions = model.directions(values.dimension);
+        let axis = |field: &u16| directions.clone().position(|own| own == *field);
+        let axes = values.fields.iter().map(axis).collect();
+        let point = RememberingPoint { family: Arc::new(family), fields, time_step, axes };
         Ok(Some((point, kernels, values)))
     }
 
@@ -70,13 +75,26 @@ impl RememberingPoint {
         bonds.map(|(&reference, &measure)| Point { measure, reference }).collect()
     }
 
+    /// So many fields, each at every bond.
+    fn for_each_bond(&self, fields: &[f64], taken: usize) -> Vec<f64> {
+        let vectors = &self.family.vectors;
+        let of_bonds = |(field, axis): (&f64, &Option<usize>)| -> Vec<f64> {
+            let component = |xi: &Vec<f64>| match axis {
+                Some(axis) => xi[*axis] / xi.iter().fold(0.0, |sum, x| sum + x * x).sqrt(),
+                None => *field,
+            };
+            vectors.iter().map(component).collect()
+        };
+        fields[..taken].iter().zip(&self.axes).flat_map(of_bonds).collect()
+    }
+
     /// A function of what it gathers, or of this and the length of each of its bonds.
     fn values(&self, kernel: &GatheredKernel, change: &[f64], fields: &[f64]) -> Vec<f64> {
         let bonds = self.family.bonds(change);
         let integrals = self.family.integrals.iter().map(|one| {
-            let psi =
-                one.derivatives(bonds.batch(&for_each(fields, one.fields().len(), bonds.n())));
-            psi.psi.iter().sum::<f64>() * self.family.volume
+            let fields = self.for_each_bond(fields, one.fields().len());
+            let values = one.derivatives(bonds.batch(&fields)).psi;
+            values.iter().sum::<f64>() * self.family.volume
         });
         let n = if kernel.of_bonds() { bonds.n() } else { 1 };
         let lengths = if kernel.of_bonds() { &bonds.measure[..] } else { &[] };
@@ -86,7 +104,10 @@ impl RememberingPoint {
             true => (&bonds.change[..], &bonds.reference[..]),
             false => (&[][..], &[][..]),
         };
-        let fields = for_each(fields, kernel.fields().len(), n);
+        let fields = match kernel.of_bonds() {
+            true => self.for_each_bond(fields, kernel.fields().len()),
+            false => fields[..kernel.fields().len()].to_vec(),
+        };
         let mut found = vec![f64::NAN; n];
         let at = GatheredBatch { n, variables: &variables, change, reference, fields: &fields };
         kernel.evaluate(at, &mut found, &mut []);
@@ -113,12 +134,12 @@ impl History for RememberingPoint {
         }
     }
 
-    /// Per volume of the body, in J/m^d.
+    /// Per volume of the body, in J/m^3: `psi + 1/2 sum_j V_j phi`.
     fn energy(&self, kernels: &GatheredKernels, change: &[f64]) -> f64 {
         let sum = |kernel: &Option<GatheredKernel>| -> f64 {
             kernel.iter().flat_map(|kernel| self.values(kernel, change, &self.fields)).sum()
         };
-        sum(&kernels.points) + sum(&kernels.bonds) * self.family.volume
+        sum(&kernels.points) + 0.5 * self.family.volume * sum(&kernels.bonds)
     }
 
     fn breaks(&self, criterion: &GatheredCriterion, change: &[f64]) -> bool {
@@ -183,9 +204,4 @@ pub(crate) fn neighbours(dimension: usize, horizon: f64) -> Vec<Vec<f64>> {
     vectors.retain(|v| (1.0..=SPACINGS * SPACINGS).contains(&square(v)));
     let scaled = |v: Vec<i32>| v.into_iter().map(|k| f64::from(k) * spacing).collect();
     vectors.into_iter().map(scaled).collect()
-}
-
-/// So many fields, each at every one of `n` places.
-fn for_each(fields: &[f64], taken: usize, n: usize) -> Vec<f64> {
-    fields[..taken].iter().flat_map(|field| std::iter::repeat_n(*field, n)).collect()
 }

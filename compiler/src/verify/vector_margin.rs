@@ -76,8 +76,7 @@ fn around(
     let [start, end] = [from, &from.with(to, 1.0)].map(|place| numbers(place, kernel));
     let way = norm(start.iter().zip(&end).map(|(x, y)| y - x));
     // A condition that holds `xi` holds the whole vector, and not what has moved alone.
-    let of_bond = kernel.given().contains(&Slot::Length);
-    let rest = |place: &Place| of_bond.then(|| place.slot(Slot::Length));
+    let rest = |place: &Place| kernel.of_bonds().then(|| place.slot(Slot::Length));
     let size = |place: &Place| norm(numbers(place, kernel).into_iter().chain(rest(place)));
     threshold::on_a_way(|t| from.with(to, t), holds, (way, size))
 }

@@ -36,7 +36,7 @@ fn body((body, horizon): &Case, level: Level) -> Breaking {
     let found = model.gathered_criteria(&values, mode, Form::Accurate).unwrap();
     let criterion = |(number, one): (usize, piola_compiler::GatheredCriterion)| {
         let (margin, holds_at_zero) = (Box::new(one.margin), one.holds_at_zero);
-        FamilyCriterion { layer: 0, law: 0, number, margin, holds_at_zero }
+        FamilyCriterion::<Box<dyn VariablesLaw>> { layer: 0, law: 0, number, margin, holds_at_zero }
     };
     let criteria = found.into_iter().enumerate().map(criterion).collect();
     let energy = StateEnergy::new(Arc::clone(body), *horizon, laws).unwrap();

@@ -30,7 +30,13 @@ fn body((body, horizon): &Case, kind: Discretisation, level: Level) -> Breaking 
     let found = model.gradient_criteria(&values, Mode::Jit(level), Form::Accurate).unwrap();
     let criterion = |(number, one): (usize, piola_compiler::GradientCriterion)| {
         let (margin, holds_at_zero) = (Box::new(one.margin), one.holds_at_zero);
-        FamilyCriterion { layer: 0, law: 0, number, margin, holds_at_zero }
+        FamilyCriterion::<Box<dyn piola_runtime::kernel::VariablesLaw>> {
+            layer: 0,
+            law: 0,
+            number,
+            margin,
+            holds_at_zero,
+        }
     };
     let criteria = found.into_iter().enumerate().map(criterion).collect();
     let energy = families::energy(body, *horizon, OperatorOrder::First, kind, "one");

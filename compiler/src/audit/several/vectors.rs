@@ -5,7 +5,7 @@ use crate::audit::Settings;
 use crate::clique::Part;
 use crate::expression::Input;
 use crate::expression::number::Number as _;
-use crate::gathered::vectors::{Which, conditions_of_vectors};
+use crate::gathered::vectors::Which;
 use crate::gathered::{FamilyKernel, Slot, VectorCriterion, VectorKernels, WrittenFamily};
 use crate::kernel::Mode;
 use crate::model::{Break, Model, OfFamily};
@@ -89,7 +89,7 @@ pub(super) fn functions(
         let subject = Subject::Margin(None, one.text.clone());
         Ok(audited(&function, sampled, (settings, 1), subject))
     };
-    conditions_of_vectors(variant).zip(criteria).map(audit).collect()
+    model.conditions_of_vectors(variant).zip(criteria).map(audit).collect()
 }
 
 /// The numbers that a kernel takes at the places of a regime.

@@ -253,26 +253,26 @@ pub fn step_by_row_sums(
 /// The largest eigenvalue of the tridiagonal matrix and the residual of its vector in the space
 /// that goes on with `norm`.
 ///
-/// Sturm's sequence `q_1 = d_1 - x`, `q_k = d_k - x - b_(k-1)^2/q_(k-1)` is negative throughout above all
-/// eigenvalues and nowhere else; at the largest one `-dq_n/dx` is one over the square of the last component of its
-/// vector of length 1. So both cost a few dozen operations per row, and no matrix.
+/// The pivots `q_1 = d_1 - x`, `q_k = d_k - x - b_(k-1)^2/q_(k-1)` are negative throughout above all eigenvalues and
+/// nowhere else (Sturm). The vector follows from the pivots from above and those from below, which meet where the
+/// vector is large (a twisted factorisation: Dhillon, Parlett, 2004), so that its last component has digits also where
+/// it is tiny.
 fn largest(diagonal: &[f64], beside: &[f64], norm: f64) -> (f64, f64) {
     let n = diagonal.len();
     if !diagonal.iter().chain(&beside[..n - 1]).all(|x| x.is_finite()) {
         return (f64::NAN, f64::INFINITY);
     }
-    // The slope of the last of the sequence, where all of it is negative.
-    let slope = |x: f64| {
-        let (mut q, mut slope) = (diagonal[0] - x, -1.0);
+    let next =
+        |k: usize, beside: f64, pivot: f64, x: f64| diagonal[k] - x - beside * (beside / pivot);
+    let is_above = |x: f64| {
+        let mut pivot = diagonal[0] - x;
         for k in 1..n {
-            if q >= 0.0 {
-                return None;
+            if pivot >= 0.0 {
+                return false;
             }
-            let ratio = beside[k - 1] / q;
-            slope = ratio * ratio * slope - 1.0;
-            q = diagonal[k] - x - ratio * beside[k - 1];
+            pivot = next(k, beside[k - 1], pivot, x);
         }
-        (q < 0.0).then_some(slope)
+        pivot < 0.0
     };
     let radius = |k: usize| {
         let [left, right] = [k.checked_sub(1), Some(k).filter(|k| k + 1 < n)];
@@ -286,10 +286,29 @@ fn largest(diagonal: &[f64], beside: &[f64], norm: f64) -> (f64, f64) {
         if middle <= low || middle >= high {
             break;
         }
-        *if slope(middle).is_some() { &mut high } else { &mut low } = middle;
+        *if is_above(middle) { &mut high } else { &mut low } = middle;
     }
-    let last = slope(high).map_or(1.0, |slope| (-1.0 / slope).sqrt());
-    (high, norm * last)
+    let mut down = vec![diagonal[0] - high];
+    for k in 1..n {
+        down.push(next(k, beside[k - 1], down[k - 1], high));
+    }
+    let mut up = vec![diagonal[n - 1] - high; n];
+    for k in (0..n - 1).rev() {
+        up[k] = next(k, beside[k], up[k + 1], high);
+    }
+    let gap = |k: usize| (down[k] + up[k] - (diagonal[k] - high)).abs();
+    let twist = (0..n).min_by(|j, k| gap(*j).total_cmp(&gap(*k))).unwrap_or(0);
+    let (mut square, mut component) = (1.0, 1.0);
+    for k in (0..twist).rev() {
+        component *= -beside[k] / down[k];
+        square += component * component;
+    }
+    component = 1.0;
+    for k in twist + 1..n {
+        component *= -beside[k - 1] / up[k];
+        square += component * component;
+    }
+    (high, norm * component.abs() / square.sqrt())
 }
 
 /// Entries that one task works on; fixed, so that sums do not depend on threads.

@@ -152,7 +152,7 @@ impl Case {
             terms.push(Box::new(energy.with_criteria(criteria).with_next_states(next)));
         }
         if vectors.iter().any(Option::is_some) {
-            self.check_neighbours(number, &vectors)?;
+            self.check_neighbours(number, &vectors, &functions)?;
             let (body, neighborhood) = found();
             let laws = vectors_of_materials(vectors, self.thickness());
             let of = OfLayer { number, n_laws: functions.len(), n_variables: 0, fields };
@@ -185,19 +185,26 @@ impl Case {
         &self,
         layer: usize,
         vectors: &[Option<(VectorKernels, [String; 2])>],
+        functions: &[FamilyFunctions],
     ) -> Result<(), CaseError> {
-        if !vectors.iter().flatten().any(|(kernels, _)| kernels.has_neighbours()) {
+        let mut conditions = functions.iter().flat_map(|own| &own.vector_criteria);
+        let what = if vectors.iter().flatten().any(|(kernels, _)| kernels.has_neighbours()) {
+            "an energy of bonds"
+        } else if conditions.any(|one| one.margin.has_neighbours()) {
+            "a condition"
+        } else {
             return Ok(());
-        }
+        };
         let own = self.potentials.iter().zip(self.places()).filter(|(_, place)| place.1 == layer);
         let mut texts: Vec<&str> = own.map(|(potential, _)| &*potential.text.text).collect();
         texts.dedup();
         if texts.len() <= 1 {
             return Ok(());
         }
-        let message = "an energy of bonds holds what neighbours gather, and here neighbours of other materials \
-             gather by another potential: give all materials one potential, each with its parameters"
-            .to_string();
+        let message = format!(
+            "{what} holds what neighbours gather, and here neighbours of other materials gather by another \
+             potential: give all materials one potential, each with its parameters"
+        );
         Err(CaseError::Body { message })
     }
 

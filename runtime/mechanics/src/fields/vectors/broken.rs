@@ -52,7 +52,7 @@ impl VectorEnergy {
         }
     }
 
-    fn spans_space(&self, point: usize) -> bool {
+    pub(super) fn spans_space(&self, point: usize) -> bool {
         let (d, row) = (self.body.dimension(), self.neighborhood.row(point));
         let mut directions = DMatrix::<f64>::zeros(d, d);
         for j in row {

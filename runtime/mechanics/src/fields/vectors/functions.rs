@@ -1,7 +1,7 @@
 //! Conditions of what points gather of vectors, under which bonds break. One that holds what belongs to a bond is asked
 //! of a bond as each of its ends sees it, another of a point, and breaks all of its bonds.
 
-use piola_compiler::{FamilyKernel, Slot};
+use piola_compiler::FamilyKernel;
 use rayon::prelude::*;
 
 use super::VectorEnergy;
@@ -39,10 +39,12 @@ impl VectorEnergy {
         let at_rest = at_rest.as_deref().map(|values| At { u: &nowhere, values, adjoint: &[] });
         let mut all = Vec::new();
         for criterion in &self.criteria {
-            let of_bonds = is_of_bonds(&criterion.margin);
+            let of_bonds = criterion.margin.of_bonds();
             if let Asked::Bond([i, j]) = asked {
-                let places = if of_bonds { [[i, j], [j, i]] } else { [[i; 2], [j; 2]] };
-                all.extend(self.judge(criterion, places.to_vec(), now, at_rest)?);
+                let mut places =
+                    if of_bonds { [[i, j], [j, i]] } else { [[i; 2], [j; 2]] }.to_vec();
+                places.retain(|ends| self.gathers_by(usize::from(criterion.law), ends));
+                all.extend(self.judge(criterion, places, now, at_rest)?);
                 continue;
             }
             // Of a slab whoever owns a point judges by what it gathers.
@@ -51,11 +53,14 @@ impl VectorEnergy {
                 let points = number * CHUNK..n.min((number + 1) * CHUNK);
                 let points = points.filter(|i| counted.contains(i));
                 let row = |i: usize| self.neighborhood.row(i).iter().map(move |j| [i, j as usize]);
-                let places = match of_bonds {
+                let mut places: Vec<[usize; 2]> = match of_bonds {
                     true => points.flat_map(row).collect(),
                     false => points.map(|i| [i; 2]).collect(),
                 };
-                self.judge(criterion, places, now, at_rest)
+                places.retain(|ends| self.is_of(usize::from(criterion.law), ends));
+                let mut judged = self.judge(criterion, places, now, at_rest)?;
+                judged.retain(|one| !one.margin.is_nan());
+                Ok(judged)
             };
             let parts: Result<Vec<_>, NonFinite> =
                 (0..n.div_ceil(CHUNK)).into_par_iter().map(chunk).collect();
@@ -64,16 +69,15 @@ impl VectorEnergy {
         Ok(all)
     }
 
-    /// Judges places as their first points see them, those that take the law and are not released.
+    /// Judges places as their first points see them.
     fn judge(
         &self,
         criterion: &FamilyCriterion<FamilyKernel>,
-        mut places: Vec<[usize; 2]>,
+        places: Vec<[usize; 2]>,
         now: At<'_>,
         at_rest: Option<At<'_>>,
     ) -> Result<Vec<Judged>, NonFinite> {
         let law = usize::from(criterion.law);
-        places.retain(|ends| self.is_of(law, ends));
         let mut room = self.room.take(Room::default);
         let mut found = Vec::new();
         for places in places.chunks(CAPACITY) {
@@ -86,7 +90,8 @@ impl VectorEnergy {
         Ok(found)
     }
 
-    /// A function at some places.
+    /// A function at some places; not a number where it is none because what is left of a family spans no space, of
+    /// which there is no inverse.
     fn values(
         &self,
         (law, kernel): (usize, &FamilyKernel),
@@ -98,18 +103,16 @@ impl VectorEnergy {
         room.ends.extend_from_slice(places);
         self.prepare((law, kernel), (at, None), room);
         room.evaluate(kernel);
-        match room.value.iter().position(|margin| !margin.is_finite()) {
-            Some(place) => {
-                let point = places[place][0];
-                let gathered = at.values.get(point * self.n_gathered()).copied();
-                Err(self.named(point, gathered, at.u))
+        for (ends, margin) in places.iter().zip(&mut room.value) {
+            if margin.is_finite() {
+                continue;
             }
-            None => Ok(room.value.clone()),
+            if ends.iter().all(|end| self.spans_space(*end)) {
+                let gathered = at.values.get(ends[0] * self.n_gathered()).copied();
+                return Err(self.named(ends[0], gathered, at.u));
+            }
+            *margin = f64::NAN;
         }
+        Ok(room.value.clone())
     }
-}
-
-/// Whether a function is one of bonds: these know their length at rest.
-fn is_of_bonds(kernel: &FamilyKernel) -> bool {
-    kernel.given().contains(&Slot::Length)
 }

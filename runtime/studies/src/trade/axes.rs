@@ -191,7 +191,7 @@ pub const AXES: &[Axis] = &[
         name: "passes",
         key: "solver.passes",
         about: "along the rows of a lattice or by fours, or in batches along lists of neighbours",
-        words: tried::<Passes>,
+        words: Passes::words,
         reference: "batches",
         default: "auto",
         scenes: Scenes::All,

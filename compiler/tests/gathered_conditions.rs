@@ -2,8 +2,23 @@
 //! what is refused.
 
 use piola_compiler::verify::{Subject, verify};
-use piola_compiler::{OfFamily, check};
+use piola_compiler::{Model, OfFamily, check};
 use piola_grammar::parse;
+
+/// So many conditions of gathered values, in two and three dimensions.
+fn all_margins_pass(model: &Model, n: usize) {
+    for d in [2, 3] {
+        let values = model.values(d, &[], Some(1.0)).unwrap();
+        let (found, _) = verify(model, &values, 60).unwrap();
+        let margins: Vec<_> =
+            found.iter().filter(|one| matches!(one.subject, Subject::Margin(None, _))).collect();
+        assert_eq!(margins.len(), n);
+        for one in margins {
+            println!("{:?}: {} places, {:?}", one.subject, one.n_places, one.errors);
+            assert!(one.passed() && one.n_places > 200, "{:?}", one.misses.first());
+        }
+    }
+}
 
 #[test]
 fn margins_are_those_as_written_in_every_way() {
@@ -15,17 +30,7 @@ fn margins_are_those_as_written_in_every_way() {
     assert!(model.can_break() && model.breaks().len() == 1);
     let of: Vec<OfFamily> = model.family_breaks().iter().map(|one| one.of).collect();
     assert_eq!(of, [OfFamily::Points, OfFamily::Bonds]);
-    for d in [2, 3] {
-        let values = model.values(d, &[], Some(1.0)).unwrap();
-        let (found, _) = verify(&model, &values, 60).unwrap();
-        let margins: Vec<_> =
-            found.iter().filter(|one| matches!(one.subject, Subject::Margin(None, _))).collect();
-        assert_eq!(margins.len(), 2);
-        for one in margins {
-            println!("{:?}: {} places, {:?}", one.subject, one.n_places, one.errors);
-            assert!(one.passed() && one.n_places > 200, "{:?}", one.misses.first());
-        }
-    }
+    all_margins_pass(&model, 2);
 }
 
 /// Of vectors, too: conditions of points, of bonds and of both ends of a bond.
@@ -41,17 +46,7 @@ fn margins_of_tensors_are_those_as_written_in_every_way() {
     assert!(model.can_break() && model.breaks().len() == 1);
     let of: Vec<OfFamily> = model.family_breaks().iter().map(|one| one.of).collect();
     assert_eq!(of, [OfFamily::Points, OfFamily::Bonds, OfFamily::Bonds, OfFamily::Bonds]);
-    for d in [2, 3] {
-        let values = model.values(d, &[], Some(1.0)).unwrap();
-        let (found, _) = verify(&model, &values, 60).unwrap();
-        let margins: Vec<_> =
-            found.iter().filter(|one| matches!(one.subject, Subject::Margin(None, _))).collect();
-        assert_eq!(margins.len(), 4);
-        for one in margins {
-            println!("{:?}: {} places, {:?}", one.subject, one.n_places, one.errors);
-            assert!(one.passed() && one.n_places > 200, "{:?}", one.misses.first());
-        }
-    }
+    all_margins_pass(&model, 4);
 }
 
 #[test]

@@ -5,6 +5,7 @@
 //! excuse is a threshold that is off by one unit in the last place of the measure, or of the change since
 //! rest where that is smaller.
 
+use super::several::Found;
 use super::{Audit, Settings, dissipation, gradient, measure};
 use crate::kernel::{Kernel, Mode};
 use crate::measure::Argument;
@@ -27,7 +28,7 @@ pub fn functions(
 ) -> Result<Vec<Audit>, CompileError> {
     let mut all: Vec<Audit> = Vec::new();
     for values in histories(model, &values.without_fields())? {
-        for audit in functions_at(model, &values, settings)? {
+        for Found { audit, .. } in functions_at(model, &values, settings)? {
             match all.iter_mut().find(|known| known.function == audit.function) {
                 Some(known) => known.join(audit),
                 None => all.push(audit),
@@ -37,12 +38,12 @@ pub fn functions(
     Ok(all)
 }
 
-/// The same with what bonds remember by the values.
+/// The same with what bonds remember by the values; of gathered values with what loses digits.
 pub(super) fn functions_at(
     model: &Model,
     values: &Values,
     settings: &Settings,
-) -> Result<Vec<Audit>, CompileError> {
+) -> Result<Vec<Found>, CompileError> {
     let variant =
         model.variant(values.dimension).ok_or(CompileError::WrongDimension(values.dimension))?;
     let mode = Mode::Jit(settings.level);
@@ -59,7 +60,6 @@ pub(super) fn functions_at(
         Ok(())
     })?;
     let gathered = super::several::functions(model, values, settings)?;
-    all.extend(gathered.into_iter().map(|found| found.audit));
     let criteria = model.gradient_criteria(values, mode, settings.form)?;
     for one in criteria {
         let regimes = gradient::regimes(&one.margin, &one.written, (settings, 1));
@@ -74,5 +74,6 @@ pub(super) fn functions_at(
         all.push(Audit::of(subject, Some(Argument::Gradient), regimes));
     }
     all.extend(dissipation::audit(model, values, settings)?);
-    Ok(all)
+    let alone = all.into_iter().map(|audit| Found { audit, lost: Vec::new() });
+    Ok(alone.chain(gathered).collect())
 }

@@ -67,14 +67,9 @@ pub fn lost(
                     (Forms::Measure(energy), Place::Interaction(at)) => {
                         cause(model, energy, order, *at)
                     }
-                    (
-                        Forms::Gradient(forms),
-                        Place::Gradient { gradient, change, direction, .. },
-                    ) => {
-                        let (gradient, change) = (gradient.clone(), change.clone());
-                        let sample = Sample { gradient, change, direction: direction.clone() };
+                    (Forms::Gradient(forms), at) => sample_at(at).and_then(|sample| {
                         cause_of_gradient((model, values), forms, order, &sample)
-                    }
+                    }),
                     _ => None,
                 };
                 let Some(cause) = cause else { continue };
@@ -84,7 +79,7 @@ pub fn lost(
             }
         }
     }
-    all_noted(&mut all, several::lost(model, values, settings)?);
+    several::lost(model, values, settings)?.into_iter().for_each(|one| note(&mut all, one));
     for values in histories(model, values)? {
         lost_of_functions(model, &values, settings, &mut all)?;
     }
@@ -98,43 +93,47 @@ fn lost_of_functions(
     settings: &Settings,
     all: &mut Vec<Lost>,
 ) -> Result<(), CompileError> {
-    let audits = functions_at(model, values, settings)?;
+    let found = functions_at(model, values, settings)?;
+    // Where a function loses digits, and how many.
+    let missed = |subject: &Subject| {
+        let own = found.iter().find(|one| one.audit.function.as_ref() == Some(subject));
+        let regimes = own.into_iter().flat_map(|one| &one.audit.regimes);
+        let missed = regimes.filter(|regime| regime.worst[0] > settings.bar);
+        let places = missed.filter_map(|regime| Some((regime.at[0].clone()?, regime.worst[0])));
+        places.collect::<Vec<(Place, f64)>>()
+    };
+    let mut lose = |subject: &Subject, argument, at: Place, error, cause: Option<Cause>| {
+        let Some(cause) = cause else { return };
+        let (argument, function) = (Some(argument), Some(subject.clone()));
+        note(all, Lost { argument, function, cause, at, error });
+    };
     model.derive_functions(values, settings.form, |subject, derived, _| {
-        let audit = audits.iter().find(|audit| audit.function.as_ref() == Some(&subject));
-        let missed = audit.into_iter().flat_map(|audit| &audit.regimes);
-        for regime in missed.filter(|regime| regime.worst[0] > settings.bar) {
-            let Some(Place::Interaction(point)) = regime.at[0] else { continue };
-            let Some(cause) = cause(model, &derived.scalar_energy(), 0, point) else { continue };
-            let (argument, error) = (Some(Argument::Measure(derived.measure)), regime.worst[0]);
-            let function = Some(subject.clone());
-            let at = Place::Interaction(point);
-            note(all, Lost { argument, function, cause, at, error });
+        let argument = Argument::Measure(derived.measure);
+        for (at, error) in missed(&subject) {
+            let Place::Interaction(point) = at else { continue };
+            let cause = cause(model, &derived.scalar_energy(), 0, point);
+            lose(&subject, argument, at, error, cause);
         }
         Ok(())
     })?;
     let later = a_second_later(model, values).without_fields();
     for (subject, forms) in model.gradient_functions_held(values, settings.form)? {
         let held = if matches!(subject, Subject::NextState(..)) { &later } else { values };
-        let audit = audits.iter().find(|audit| audit.function.as_ref() == Some(&subject));
-        let missed = audit.into_iter().flat_map(|audit| &audit.regimes);
-        for regime in missed.filter(|regime| regime.worst[0] > settings.bar) {
-            let Some(at @ Place::Gradient { gradient, change, direction, .. }) = &regime.at[0]
-            else {
-                continue;
-            };
-            let (gradient, change) = (gradient.clone(), change.clone());
-            let sample = Sample { gradient, change, direction: direction.clone() };
+        for (at, error) in missed(&subject) {
+            let Some(sample) = sample_at(&at) else { continue };
             let cause = cause_of_gradient((model, held), &forms, 0, &sample);
-            let (argument, error) = (Some(Argument::Gradient), regime.worst[0]);
-            let (function, at) = (Some(subject.clone()), at.clone());
-            all_noted(all, cause.map(|cause| Lost { argument, function, cause, at, error }));
+            lose(&subject, Argument::Gradient, at, error, cause);
         }
     }
-    all_noted(
-        all,
-        several::functions(model, values, settings)?.into_iter().flat_map(|one| one.lost),
-    );
+    found.into_iter().flat_map(|one| one.lost).for_each(|one| note(all, one));
     Ok(())
+}
+
+/// The gradient of a place, where it is one of gradients.
+fn sample_at(place: &Place) -> Option<Sample> {
+    let Place::Gradient { gradient, change, direction, .. } = place else { return None };
+    let (gradient, change) = (gradient.clone(), change.clone());
+    Some(Sample { gradient, change, direction: direction.clone() })
 }
 
 impl Lost {
@@ -159,10 +158,6 @@ impl Lost {
             }
         }
     }
-}
-
-fn all_noted(all: &mut Vec<Lost>, more: impl IntoIterator<Item = Lost>) {
-    more.into_iter().for_each(|one| note(all, one));
 }
 
 /// Adds a loss, or keeps the larger one of two of the same subexpression.

@@ -1,5 +1,5 @@
 //! Conditions under which bonds, triangles and tetrahedra break: that hold at rest, never, or in
-//! compression, or that take nothing away; those of deformation gradients and of gathered numbers, too.
+//! compression, or that take nothing away; those of deformation gradients and of gathered values, too.
 
 use piola_grammar::Span;
 
@@ -82,11 +82,8 @@ impl Breaking {
         let Ok(criteria) = model.gathered_criteria(&with_states, mode, form) else {
             return Vec::new();
         };
-        let declares = |(_, change): &(f64, Vec<f64>)| {
-            let bonds = begin.bonds(change);
-            bonds.into_iter().all(|bond| contains(variant, Measure::Length, &values, bond))
-        };
-        let places: Vec<_> = deformed(dimension).into_iter().filter(declares).collect();
+        let mut places = deformed(dimension);
+        places.retain(|(_, change)| begin.is_declared(variant, &values, change));
         Breaking::of_families(model, dimension, |condition| {
             let one = criteria.iter().find(|one| one.text == condition.text)?;
             Some(places.iter().map(|place| breaks_at(&begin, one, place)).collect())

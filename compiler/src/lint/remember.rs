@@ -103,10 +103,7 @@ impl<'m> Updating<'m> {
         let values = example(model, dimension)?;
         let ways = (Mode::Interpreter, Form::Textbook);
         let (begin, kernels, _) = RememberingPoint::new(model, &values, ways).ok()??;
-        let declares = |change: &[f64]| {
-            let bonds = begin.bonds(change);
-            bonds.into_iter().all(|bond| contains(variant, Measure::Length, &values, bond))
-        };
+        let declares = |change: &[f64]| begin.is_declared(variant, &values, change);
         let tried = tried(dimension, &begin, Some(&kernels), declares);
         Some(Updating { updates, of, model, tried })
     }

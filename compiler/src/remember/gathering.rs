@@ -8,10 +8,11 @@ use crate::gathered::{
     GatheredBatch, GatheredCriterion, GatheredKernel, GatheredKernels, GatheredNextState,
 };
 use crate::kernel::{Batch, Kernel, Mode};
-use crate::model::Model;
+use crate::measure::Measure;
+use crate::model::{Model, Variant};
 use crate::specialise::{CompileError, Form};
 use crate::values::Values;
-use crate::verify::sample::Point;
+use crate::verify::sample::{Point, contains};
 
 /// The horizon of the family, in spacings of its lattice: 20 neighbours in two dimensions, 80 in three.
 const SPACINGS: f64 = 2.5;
@@ -68,11 +69,13 @@ impl RememberingPoint {
         Ok(Some((point, kernels, values)))
     }
 
-    /// Its bonds where the body is deformed by `F - I`, row by row.
-    pub(crate) fn bonds(&self, change: &[f64]) -> Vec<Point> {
+    /// Whether the declared domain has all of its bonds where the body is deformed by `F - I`, row by row.
+    pub(crate) fn is_declared(&self, variant: &Variant, values: &Values, change: &[f64]) -> bool {
         let bonds = self.family.bonds(change);
-        let bonds = bonds.reference.iter().zip(&bonds.measure);
-        bonds.map(|(&reference, &measure)| Point { measure, reference }).collect()
+        let mut bonds = bonds.reference.iter().zip(&bonds.measure);
+        bonds.all(|(&reference, &measure)| {
+            contains(variant, Measure::Length, values, Point { measure, reference })
+        })
     }
 
     /// So many fields, each at every bond.

@@ -149,6 +149,11 @@ impl Place {
         &self.random[1][..kernel.variables().len()]
     }
 
+    /// How many numbers each end gathers.
+    pub(crate) fn n_gathered(&self) -> usize {
+        self.gathered[0].len()
+    }
+
     /// The direction of the bond at rest.
     pub(crate) fn unit(&self) -> &[f64] {
         &self.unit

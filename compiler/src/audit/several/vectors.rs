@@ -3,6 +3,7 @@
 use super::{Found, Function, Sampled, audited, power_of_ten, strains};
 use crate::audit::Settings;
 use crate::clique::Part;
+use crate::density::DensityForm;
 use crate::expression::Input;
 use crate::expression::number::Number as _;
 use crate::gathered::vectors::Which;
@@ -41,15 +42,9 @@ pub(super) fn audit(
     let audit = |which: Which| {
         let kernel = of(&kernels, which)?;
         let written = model.written_vectors(values, which);
-        let mut function = function(kernel, &written, (model, values), kernels.n_gathered);
         let form = model.form_of_vectors((variant, which), values, settings.form);
-        function.cause = Box::new(move |order, given| {
-            let place = Place::of(kernel, (values.dimension, kernels.n_gathered), given);
-            let (double, exact) = inputs(&place, (model, values), kernel);
-            cause_of_several((model, values), form.as_ref()?, order, (double, exact))
-        });
-        let sampled = sampled.iter().map(|regime| given(regime, kernel)).collect();
-        Some(audited(&function, sampled, (settings, 3), subject(variant, which)))
+        let of = (kernel, &written, form.as_ref());
+        Some(judged(of, (model, values), (&sampled, settings, 3), subject(variant, which)))
     };
     let all = [Which::Integrands, Which::Functions, Which::Points, Which::Bonds];
     Ok(all.into_iter().filter_map(audit).collect())
@@ -76,25 +71,34 @@ pub(super) fn functions(
     let Some(kernels) = kernels else { return Ok(Vec::new()) };
     let sampled = sampled(&kernels, (model, values), settings.points);
     let audit = |(condition, one): (&Break<OfFamily>, VectorCriterion)| {
-        let kernel = &one.margin;
         let known = Known(Some(values));
         let made = model.margin_of_vectors(variant, condition, known, settings.form)?;
-        let of = (model, values);
-        let mut function = function(kernel, &one.written, of, kernels.n_gathered);
-        function.cause = Box::new(move |order, given| {
-            let place = Place::of(kernel, (values.dimension, kernels.n_gathered), given);
-            cause_of_several(of, &made.form, order, inputs(&place, of, kernel))
-        });
-        let sampled = sampled.iter().map(|regime| given(regime, kernel)).collect();
+        let of = (&one.margin, &one.written, Some(&made.form));
         let subject = Subject::Margin(None, one.text.clone());
-        Ok(audited(&function, sampled, (settings, 1), subject))
+        Ok(judged(of, (model, values), (&sampled, settings, 1), subject))
     };
     model.conditions_of_vectors(variant).zip(criteria).map(audit).collect()
 }
 
-/// The numbers that a kernel takes at the places of a regime.
-fn given((name, strain, places): &Deformed, kernel: &FamilyKernel) -> Sampled {
-    (name.clone(), *strain, places.iter().map(|place| place.given(kernel)).collect())
+/// Audits a kernel at places, with its form where that is there to say what loses digits.
+fn judged(
+    (kernel, written, form): (&FamilyKernel, &WrittenFamily, Option<&DensityForm>),
+    of: (&Model, &Values),
+    (sampled, settings, n_orders): (&[Deformed], &Settings, usize),
+    subject: Subject,
+) -> Found {
+    let n_gathered = sampled.iter().flat_map(|regime| &regime.2).map(Place::n_gathered).max();
+    let n_gathered = n_gathered.unwrap_or(0);
+    let mut function = function(kernel, written, of, n_gathered);
+    function.cause = Box::new(move |order, given| {
+        let place = Place::of(kernel, (of.1.dimension, n_gathered), given);
+        cause_of_several(of, form?, order, inputs(&place, of, kernel))
+    });
+    let given = |(name, strain, places): &Deformed| -> Sampled {
+        (name.clone(), *strain, places.iter().map(|place| place.given(kernel)).collect())
+    };
+    let sampled = sampled.iter().map(given).collect();
+    audited(&function, sampled, (settings, n_orders), subject)
 }
 
 fn function<'a>(

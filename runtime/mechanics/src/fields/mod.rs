@@ -13,9 +13,11 @@
 //! the former to forces. To first order the first map is `ds_i = sum_j G_ij (du_j - du_i)` for all, and
 //! what follows from that is worked out once: `stored` makes the Hessian and its diagonal from the weights
 //! `G` and from second derivatives by the fields, `springs` fills the matrix that products are
-//! preconditioned by. `lost` knows which bonds families have lost.
+//! preconditioned by. `lost` knows which bonds families have lost, `judged` asks conditions of
+//! places.
 
 pub mod deformation;
+mod judged;
 pub mod least_squares;
 mod lost;
 pub(crate) mod springs;

@@ -6,6 +6,7 @@ use rayon::prelude::*;
 
 use super::StateEnergy;
 use crate::energy::{Energy, NonFinite, total};
+use crate::fields::judged::Question;
 use crate::fracture::{Asked, FamilyCriterion, FamilyNextState, Judged, Release};
 use crate::geometry::Geometry;
 use crate::geometry::bond::Bond;
@@ -94,7 +95,8 @@ impl StateEnergy {
                 // A point that has nothing to gather from any more goes on remembering what it did.
                 let is_left = |i: &usize| !self.neighborhood.row(*i).is_empty();
                 let there = points.filter(|i| is_left(i) && !self.body.is_cut(*i));
-                let own = self.own(one.law, &there.map(|i| [i; 2]).collect::<Vec<_>>());
+                let own = there.filter(|i| self.law_of(*i) == one.law).map(|i| [i; 2]);
+                let own: Vec<[usize; 2]> = own.collect();
                 let mut changes = Vec::new();
                 for places in own.chunks(CAPACITY) {
                     let next = self.values::<D>((&*one.next, one.law), places, now)?;
@@ -111,10 +113,9 @@ impl StateEnergy {
         Ok(all)
     }
 
-    /// The places whose first points are of a law.
-    fn own(&self, law: u8, places: &[[usize; 2]]) -> Vec<[usize; 2]> {
-        let of = |point: usize| self.materials.as_ref().map_or(0, |materials| materials.of(point));
-        places.iter().filter(|ends| of(ends[0]) == law).copied().collect()
+    /// The law of a point.
+    fn law_of(&self, point: usize) -> u8 {
+        self.materials.as_ref().map_or(0, |materials| materials.of(point))
     }
 
     /// See [`crate::energy::Energy::field_margins`].
@@ -130,52 +131,17 @@ impl StateEnergy {
         let at_rest = at_rest.as_deref().map(|integrals| Deformed { integrals, u: &nowhere });
         let mut all = Vec::new();
         for criterion in &self.criteria {
-            let judge = |places: Vec<[usize; 2]>| self.judge::<D>(criterion, &places, now, at_rest);
-            if let Asked::Bond([i, j]) = asked {
-                let places = if self.holds_length(&*criterion.margin) {
-                    [[i, j], [j, i]]
-                } else {
-                    [[i; 2], [j; 2]]
-                };
-                all.extend(judge(places.to_vec())?);
-                continue;
-            }
-            // Of a slab whoever owns a point judges by what it gathers.
-            let (n, counted) = (self.body.n_points(), self.body.counted());
-            let chunk = |number: usize| {
-                let points = number * CHUNK..n.min((number + 1) * CHUNK);
-                let points = points.filter(|i| counted.contains(i));
-                let row = |i: usize| self.neighborhood.row(i).iter().map(move |j| [i, j as usize]);
-                judge(match self.holds_length(&*criterion.margin) {
-                    true => points.flat_map(row).collect(),
-                    false => points.map(|i| [i; 2]).collect(),
-                })
+            let of_bonds = self.holds_length(&*criterion.margin);
+            let margin = (&*criterion.margin, criterion.law);
+            let takes = |ends: &[usize; 2]| self.law_of(ends[0]) == criterion.law;
+            let margins = |places: &[[usize; 2]]| {
+                let rest = at_rest.map(|at_rest| self.values::<D>(margin, places, at_rest));
+                Ok((self.values::<D>(margin, places, now)?, rest.transpose()?))
             };
-            let parts: Result<Vec<_>, NonFinite> =
-                (0..n.div_ceil(CHUNK)).into_par_iter().map(chunk).collect();
-            all.extend(parts?.concat());
+            let around = (&*self.body, &*self.neighborhood);
+            all.extend(Question { criterion, of_bonds, asked }.answer(around, takes, margins)?);
         }
         Ok(all)
-    }
-
-    /// Judges places by what their first points gather, those that take the law.
-    fn judge<const D: usize>(
-        &self,
-        criterion: &FamilyCriterion,
-        places: &[[usize; 2]],
-        now: Deformed<'_>,
-        at_rest: Option<Deformed<'_>>,
-    ) -> Result<Vec<Judged>, NonFinite> {
-        let own = self.own(criterion.law, places);
-        let margin = (&*criterion.margin, criterion.law);
-        let mut found = Vec::new();
-        for places in own.chunks(CAPACITY) {
-            let rest = at_rest.map(|at_rest| self.values::<D>(margin, places, at_rest));
-            let rest = rest.transpose()?;
-            let margins = self.values::<D>(margin, places, now)?;
-            criterion.judge(places, (&margins, rest.as_deref()), &mut found);
-        }
-        Ok(found)
     }
 
     /// Whether a condition holds the length of a bond, beside what points gather.

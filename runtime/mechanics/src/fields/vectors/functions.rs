@@ -2,18 +2,12 @@
 //! of a bond as each of its ends sees it, another of a point, and breaks all of its bonds.
 
 use piola_compiler::FamilyKernel;
-use rayon::prelude::*;
 
 use super::VectorEnergy;
 use super::passes::{At, Gathered, Room};
 use crate::energy::NonFinite;
+use crate::fields::judged::Question;
 use crate::fracture::{Asked, FamilyCriterion, Judged};
-
-/// Points that are worked out by one task, or whose bonds are; fixed, so that results do not depend on threads.
-const CHUNK: usize = 64;
-
-/// Places that go through a margin at once.
-const CAPACITY: usize = 128;
 
 impl VectorEnergy {
     /// The same with conditions under which bonds break.
@@ -37,57 +31,28 @@ impl VectorEnergy {
         let at_rest = (asked != Asked::Breaking).then(|| gathered(&nowhere));
         let now = At { u, values: &now, adjoint: &[] };
         let at_rest = at_rest.as_deref().map(|values| At { u: &nowhere, values, adjoint: &[] });
+        let is_bond = matches!(asked, Asked::Bond(_));
         let mut all = Vec::new();
         for criterion in &self.criteria {
             let of_bonds = criterion.margin.of_bonds();
-            if let Asked::Bond([i, j]) = asked {
-                let mut places =
-                    if of_bonds { [[i, j], [j, i]] } else { [[i; 2], [j; 2]] }.to_vec();
-                places.retain(|ends| self.gathers_by(usize::from(criterion.law), ends));
-                all.extend(self.judge(criterion, places, now, at_rest)?);
-                continue;
-            }
-            // Of a slab whoever owns a point judges by what it gathers.
-            let (n, counted) = (self.body.n_points(), self.body.counted());
-            let chunk = |number: usize| {
-                let points = number * CHUNK..n.min((number + 1) * CHUNK);
-                let points = points.filter(|i| counted.contains(i));
-                let row = |i: usize| self.neighborhood.row(i).iter().map(move |j| [i, j as usize]);
-                let mut places: Vec<[usize; 2]> = match of_bonds {
-                    true => points.flat_map(row).collect(),
-                    false => points.map(|i| [i; 2]).collect(),
-                };
-                places.retain(|ends| self.is_of(usize::from(criterion.law), ends));
-                let mut judged = self.judge(criterion, places, now, at_rest)?;
-                judged.retain(|one| !one.margin.is_nan());
-                Ok(judged)
+            let law = usize::from(criterion.law);
+            // Of a bond all of its margins are told, those of released ends among them.
+            let takes = |ends: &[usize; 2]| match is_bond {
+                true => self.gathers_by(law, ends),
+                false => self.is_of(law, ends),
             };
-            let parts: Result<Vec<_>, NonFinite> =
-                (0..n.div_ceil(CHUNK)).into_par_iter().map(chunk).collect();
-            all.extend(parts?.concat());
+            let margins = |places: &[[usize; 2]]| {
+                let margin = (law, &criterion.margin);
+                let rest = at_rest.map(|at_rest| self.values(margin, places, at_rest));
+                Ok((self.values(margin, places, now)?, rest.transpose()?))
+            };
+            let around = (&*self.body, &*self.neighborhood);
+            let mut judged =
+                Question { criterion, of_bonds, asked }.answer(around, takes, margins)?;
+            judged.retain(|one| is_bond || !one.margin.is_nan());
+            all.extend(judged);
         }
         Ok(all)
-    }
-
-    /// Judges places as their first points see them.
-    fn judge(
-        &self,
-        criterion: &FamilyCriterion<FamilyKernel>,
-        places: Vec<[usize; 2]>,
-        now: At<'_>,
-        at_rest: Option<At<'_>>,
-    ) -> Result<Vec<Judged>, NonFinite> {
-        let law = usize::from(criterion.law);
-        let mut room = self.room.take(Room::default);
-        let mut found = Vec::new();
-        for places in places.chunks(CAPACITY) {
-            let margin = (law, &criterion.margin);
-            let rest = at_rest.map(|at_rest| self.values(margin, places, at_rest, &mut room));
-            let rest = rest.transpose()?;
-            let margins = self.values(margin, places, now, &mut room)?;
-            criterion.judge(places, (&margins, rest.as_deref()), &mut found);
-        }
-        Ok(found)
     }
 
     /// A function at some places; not a number where it is none because what is left of a family spans no space, of
@@ -97,11 +62,11 @@ impl VectorEnergy {
         (law, kernel): (usize, &FamilyKernel),
         places: &[[usize; 2]],
         at: At<'_>,
-        room: &mut Room,
     ) -> Result<Vec<f64>, NonFinite> {
+        let mut room = self.room.take(Room::default);
         room.ends.clear();
         room.ends.extend_from_slice(places);
-        self.prepare((law, kernel), (at, None), room);
+        self.prepare((law, kernel), (at, None), &mut room);
         room.evaluate(kernel);
         for (ends, margin) in places.iter().zip(&mut room.value) {
             if margin.is_finite() {

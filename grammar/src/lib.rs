@@ -28,7 +28,6 @@
 pub mod ast;
 pub mod diagnostic;
 mod format;
-#[cfg(any(test, feature = "generate"))]
 pub mod generate;
 pub mod names;
 mod operator;

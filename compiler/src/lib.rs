@@ -59,7 +59,7 @@ pub use formula::{CompiledFormula, Formula};
 pub use gathered::{
     FamilyBatch, FamilyKernel, GatheredBatch, GatheredCriterion, GatheredForms, GatheredFunction,
     GatheredFunctionKind, GatheredKernel, GatheredKernels, GatheredNextState, Integrand, Slot,
-    VectorCriterion, VectorKernels, WrittenFamily,
+    VectorCriterion, VectorKernels, VectorNextState, WrittenFamily,
 };
 pub use kernel::{Batch, Derivatives, Kernel, Level, Mode, Order, Outputs, WrittenEnergy};
 pub use lint::{LINTS, Lint};

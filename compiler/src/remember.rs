@@ -3,6 +3,7 @@
 
 mod gathering;
 mod gradient;
+mod vectors;
 
 use std::sync::Arc;
 
@@ -13,8 +14,9 @@ use crate::model::Model;
 use crate::specialise::{CompileError, Form};
 use crate::values::Values;
 use crate::verify::sample::Point;
-pub(crate) use gathering::{RememberingPoint, neighbours, volume};
+pub(crate) use gathering::RememberingPoint;
 pub(crate) use gradient::RememberingGradient;
+pub(crate) use vectors::RememberingFamily;
 
 /// What families give in an evenly deformed body, with what it remembers: a deformation gradient, or what a point
 /// gathers. The body is deformed by `F - I`, row by row.

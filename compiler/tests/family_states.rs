@@ -10,7 +10,8 @@ use std::process::Command;
 use piola_compiler::audit::{Settings, functions};
 use piola_compiler::verify::{Subject, verify};
 use piola_compiler::{
-    Form, GatheredBatch, GradientBatch, Level, Mode, Model, Of, OfFamily, Values, check, print,
+    Form, GatheredBatch, GatheredFunctionKind, GradientBatch, Level, Mode, Model, Of, OfFamily,
+    Values, check, print,
 };
 use piola_grammar::parse;
 
@@ -31,6 +32,14 @@ const OF_POINTS: &str = "potential p\nm = integral(L*L)\nparameter s0 = 0.1\n\
     psi(theta) = (theta - p)^2 + q*theta^2\npsi(l, theta) = 1/L*(l - L - theta*L/3)^2/(1 + q)\n\
     break when theta - p > 2*s0\nbreak when l/L - 1 > 1 + q\n";
 
+/// Damage and a length of time by a gathered gradient.
+const OF_TENSORS: &str = "potential p\nw(L) = 1/L\nK = integral(w*dyad(Xi, Xi))\n\
+    H = integral(w*dyad(xi - Xi, Xi))*inv(K)\nparameter k0 = 0.05\nstate k = 0\nstate age = 0\n\
+    E = sym(H) + H'*H/2\ny = E : E\nupdate k = max(k, sqrt(y))\nupdate age = age + dt*(det(I + H) - 1 - k)^2\n\
+    D = if k <= k0 then 0 else 1 - k0/k\n\
+    psi(H) = (1 - D)*y*exp(-age)\npsi(xi, H) = (norm(xi - Xi - H*Xi)/L)^2/(1 + k)\n\
+    break when det(I + H) - 1 > 1/2 + k\nbreak when norm(xi)/L - 1 > 1 + age\n";
+
 const MODES: [Mode; 3] = [Mode::Jit(Level::Strict), Mode::Jit(Level::Fast), Mode::Interpreter];
 
 fn model(text: &str) -> Model {
@@ -43,9 +52,11 @@ fn values(model: &Model, d: usize) -> Values {
 
 #[test]
 fn energies_conditions_and_next_states_are_those_as_written() {
-    for (text, dimensions, family) in
-        [(OF_GRADIENTS, &[2, 3][..], OfFamily::Gradient), (OF_POINTS, &[3], OfFamily::Points)]
-    {
+    for (text, dimensions, family) in [
+        (OF_GRADIENTS, &[2, 3][..], OfFamily::Gradient),
+        (OF_POINTS, &[3], OfFamily::Points),
+        (OF_TENSORS, &[2], OfFamily::Points),
+    ] {
         let model = model(text);
         assert_eq!(model.kind_of_state(model.states().next().unwrap()), Some(Of::Family(family)));
         assert!(model.updates().is_empty() && model.remembers_time());
@@ -141,9 +152,31 @@ fn audits_judge_next_states() {
     let titles: Vec<String> = found.iter().map(|audit| audit.title()).collect();
     assert_eq!(titles[2], "update k = max(k, sqrt(w))");
     assert_eq!(titles[3], "update life = life - max(0, J - 1 - k)*dt");
-    for audit in &found[2..] {
-        println!("{}: {:?}", audit.title(), audit.worst());
-        assert!(audit.worst()[0] <= 64.0, "{:?}", audit.worst());
+    let tensors = self::model(OF_TENSORS);
+    let of_tensors = functions(&tensors, &values(&tensors, 2), &settings).unwrap();
+    let titles: Vec<String> = of_tensors.iter().map(|audit| audit.title()).collect();
+    assert_eq!(titles[2], "update k = max(k, sqrt(y))");
+    for audit in found[2..].iter().chain(&of_tensors[2..]) {
+        for regime in &audit.regimes {
+            println!("{}, {}: {:?}", audit.title(), regime.name, regime.worst);
+            // The root of a small difference: what rounding its inputs changes it by is no longer linear.
+            let is_root = regime.name == "turned 1e-9" && audit.title().contains("sqrt(y)");
+            assert!(regime.worst[0] <= if is_root { 1e4 } else { 64.0 }, "{}", audit.title());
+        }
+    }
+}
+
+#[test]
+fn next_states_of_tensors_are_printed() {
+    let tensors = model(OF_TENSORS);
+    for values in [None, Some(values(&tensors, 2).with_states(&tensors))] {
+        let forms = tensors.gathered_forms(2, values.as_ref()).unwrap();
+        let next = forms.functions.iter().filter_map(|one| match &one.kind {
+            GatheredFunctionKind::Next(name) => Some((&**name, &*one.text)),
+            _ => None,
+        });
+        let next: Vec<(&str, &str)> = next.collect();
+        assert_eq!(next, [("k", "max(k, sqrt(y))"), ("age", "age + dt*(det(I + H) - 1 - k)^2")]);
     }
 }
 

@@ -97,6 +97,48 @@ fn load_steps_and_events_break_by_what_is_gathered() {
     assert!(told.stdout.contains("> wc and det(I + H) > 1"), "{}", told.stdout);
 }
 
+/// Points remember what they gather of vectors as they remember deformation gradients: the same bonds break by it,
+/// and as much is dissipated, in motions and in load steps.
+#[test]
+fn points_remember_as_those_of_deformation_gradients_do() {
+    let motion = "[[load]]\nset = \"lower\"\ndensity = [0, -8e9]\n[[load]]\nset = \"upper\"\n\
+                  density = [0, 8e9]\n[motion]\nend = \"25 us\"\n[output]\nframes = 1\n";
+    let steps = "[[prescribe]]\nset = \"lower\"\nu = [0, 0]\n[[prescribe]]\nset = \"upper\"\n\
+                 u = [0, \"1e-6*t\"]\n[steps]\nincrements = 4\n[output]\nframes = 1\n";
+    for (driven, file, breaks) in [(motion, "motion.csv", true), (steps, "energy.csv", false)] {
+        let [text, gradient] = [true, false].map(|is_text| {
+            let folder = plate((is_text, "nodal"), "", driven);
+            let (name, head, y, growth) = match is_text {
+                true => ("text.piola", "psi(H)", "lambda/2*tr(E)^2 + mu*(E : E)", "det(I + H) - 1"),
+                false => ("gradient.piola", "psi(F)", "lambda/2*tr(E)^2 + mu*(E : E)", "J - 1"),
+            };
+            let path = folder.path(name);
+            let own = std::fs::read_to_string(&path).unwrap();
+            let (before, _) = own.split_once("psi(").unwrap();
+            let text = format!(
+                "{before}parameter tau = 1e-6 in s\nstate k = 0\nstate age = 0 in s\ny = {y}\nupdate k = max(k, {growth})\n\
+                 update age = age + dt*k\n{head} = exp(-40*k - age/tau)*y\nbreak when k > s0/2\n"
+            );
+            std::fs::write(path, text).unwrap();
+            folder.run(&[]).expect(0);
+            table(&folder.out().join(file))
+        });
+        let of = |name: &str| text.0.iter().position(|own| own == name).unwrap();
+        let last = text.1.last().unwrap();
+        println!("{:?}\n{last:?}", text.0);
+        assert_eq!(text.1.len(), gradient.1.len());
+        let grown = last[of("broken_bonds")] - text.1[0][of("broken_bonds")];
+        assert!(last[of("dissipated")] > 0.0 && (grown > 0.0) == breaks, "{last:?}");
+        let largest = text.1.iter().flatten().fold(0.0_f64, |most, x| most.max(x.abs()));
+        for (row, other) in text.1.iter().zip(&gradient.1) {
+            assert_eq!(row[of("broken_bonds")], other[of("broken_bonds")]);
+            for (x, y) in row.iter().zip(other) {
+                assert!((x - y).abs() <= 1e-9 * largest, "{row:?}\n{other:?}");
+            }
+        }
+    }
+}
+
 /// Moduli of the lattice are those of the energy of F, in every text.
 #[test]
 fn moduli_of_texts_are_those_of_the_gradient() {

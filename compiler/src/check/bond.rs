@@ -411,7 +411,7 @@ impl Builder<'_> {
         integrals.chain(energies.map(|one| (one.root, one.span))).chain(breaks).collect()
     }
 
-    /// Finds out whether points gather vectors and tensors, and refuses what is not there for these.
+    /// Finds out whether points gather vectors and tensors.
     pub(super) fn check_vectors(&mut self) {
         let variant = &self.variant;
         let energies = variant.gathered_energies.iter().map(|one| one.root);
@@ -421,23 +421,7 @@ impl Builder<'_> {
         let holds_neighbour = self.elaborator.holds(&by_ends, is_neighbour);
         let has_functions = variant.integrals.iter().any(|one| one.is_function);
         self.variant.gathers_vectors |= holds_neighbour || has_functions;
-        if !self.variant.gathers_vectors {
-            return;
-        }
-        self.variant.sees_directions = true;
-        let updates = self.variant.family_updates.iter();
-        let updates = updates.filter(|one| one.of != OfFamily::Gradient);
-        let spans: Vec<Span> = updates.map(|one| one.span).collect();
-        for span in spans {
-            let message = "an update cannot hold what points gather of vectors";
-            let error = Diagnostic::error("wrong-measure", span, message).label(
-                "an integral here is one of a file whose integrals, energies or conditions hold vectors",
-            );
-            self.elaborator.report(error.help(
-                "hold lengths of bonds instead, or move the energies of vectors and tensors to a potential of \
-                 their own",
-            ));
-        }
+        self.variant.sees_directions |= self.variant.gathers_vectors;
     }
 }
 

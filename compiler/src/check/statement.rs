@@ -263,6 +263,8 @@ pub(super) struct Builder<'a> {
     pub(super) updates: Vec<Update<Option<Of>>>,
     /// Of which kinds the states are that are updated, once it is known.
     pub(super) kinds: HashMap<usize, Of>,
+    /// States whose updates say no kind that there is, which is reported.
+    pub(super) states_of_no_kind: Vec<usize>,
 }
 
 impl<'a> Builder<'a> {
@@ -272,6 +274,7 @@ impl<'a> Builder<'a> {
             has_units,
             updates: Vec::new(),
             kinds: HashMap::new(),
+            states_of_no_kind: Vec::new(),
             elaborator: Elaborator::new(&ast.arena, Some(ast), symbols, dimension, has_units),
             variant: Variant {
                 dimension,

@@ -75,7 +75,10 @@ impl Builder<'_> {
         let Some(Symbol::Parameter(state)) = self.elaborator.symbols.get(&name.name) else {
             return;
         };
-        let Some(of) = self.kind_of_update(update, value) else { return };
+        let Some(of) = self.kind_of_update(update, value) else {
+            self.states_of_no_kind.push(state);
+            return;
+        };
         let own = self.elaborator.parameter_quantities.get(state).copied();
         let own = own.unwrap_or(Quantity::Any);
         if self.has_units && own.unify(quantity).is_none() {
@@ -202,7 +205,9 @@ impl Builder<'_> {
 
     /// The kinds of the states on which a node depends, each once.
     pub(super) fn kinds_in(&self, root: NodeId) -> Vec<Of> {
-        let states = self.elaborator.states_in(&[root]);
+        let mut states = self.elaborator.states_in(&[root]);
+        // What is wrong with these has been told.
+        states.retain(|state| !self.states_of_no_kind.contains(state));
         let mut kinds: Vec<Of> = states.into_iter().map(|state| self.kind(state)).collect();
         kinds.sort_unstable();
         kinds.dedup();

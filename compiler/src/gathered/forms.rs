@@ -127,26 +127,39 @@ impl Model {
             let (made, dropped) =
                 self.function_of_vectors((variant, which), Known(values), form(values))?;
             found.dropped.extend(dropped);
-            let Some(Made { form, variables, given }) = made else { continue };
-            let [variables, given] = [variables, given]
-                .map(|slots| slots.into_iter().map(|slot| slot.input()).collect());
+            let Some(made) = made else { continue };
             let text = match kind {
                 GatheredFunctionKind::Energy { of_bonds } => argument(variant, of_bonds),
                 _ => String::new(),
             };
-            found.functions.push(GatheredFunction { kind, text, form, variables, given });
+            found.functions.push(function_of_vectors(kind, &text, made));
         }
         let first = first_of_gathered(variant);
-        for (k, condition) in self.conditions_of_vectors(variant).enumerate() {
-            let made = self.margin_of_vectors(variant, condition, Known(values), form(values))?;
-            let [variables, given] = [made.variables, made.given]
-                .map(|slots| slots.into_iter().map(|slot| slot.input()).collect());
-            let holds_at_zero = condition.holds_at_zero;
-            let kind = GatheredFunctionKind::Margin { number: first + k, holds_at_zero };
-            let (text, form) = (condition.text.clone(), made.form);
-            found.functions.push(GatheredFunction { kind, text, form, variables, given });
+        for (k, one) in self.conditions_of_vectors(variant).enumerate() {
+            let of = (variant, one.of == OfFamily::Bonds);
+            let place = (one.root, one.span);
+            let made = self.margin_or_next_of_vectors(of, place, Known(values), form(values))?;
+            let (number, holds_at_zero) = (first + k, one.holds_at_zero);
+            let kind = GatheredFunctionKind::Margin { number, holds_at_zero };
+            found.functions.push(function_of_vectors(kind, &one.text, made));
+        }
+        let in_time = self.in_time(values);
+        for one in self.updates_of_vectors(variant) {
+            let (place, known) = ((one.root, one.span), Known(in_time.as_ref()));
+            let of = (variant, false);
+            let made = self.margin_or_next_of_vectors(of, place, known, form(values))?;
+            let kind = GatheredFunctionKind::Next(self.input_name(one.state).to_string());
+            found.functions.push(function_of_vectors(kind, &one.text, made));
         }
         Ok(())
+    }
+
+    /// The values with the time step behind the states, where families remember by it.
+    fn in_time(&self, values: Option<&Values>) -> Option<Values> {
+        match self.families_remember_time() {
+            true => values.map(|own| own.clone().following_states(self)),
+            false => values.cloned(),
+        }
     }
 
     fn forms_of_numbers(
@@ -184,10 +197,7 @@ impl Model {
             let form = self.margin_or_next(of, (*root, *span), Known(values), form(values))?;
             found.functions.push(function(of, (kind, text.clone()), form));
         }
-        let in_time = match self.families_remember_time() {
-            true => values.map(|own| own.clone().following_states(self)),
-            false => values.cloned(),
-        };
+        let in_time = self.in_time(values);
         let gathered = variant.family_updates.iter().filter(|one| one.of != OfFamily::Gradient);
         for Update { state, root, span, text, .. } in gathered {
             let kind = GatheredFunctionKind::Next(self.input_name(*state).to_string());
@@ -224,6 +234,13 @@ fn first_of_gathered(variant: &Variant) -> usize {
 /// As it is compiled, or as it is written.
 fn form(values: Option<&Values>) -> Form {
     if values.is_some() { Form::Accurate } else { Form::Textbook }
+}
+
+/// A function of what points gather of vectors, and of bonds or not.
+fn function_of_vectors(kind: GatheredFunctionKind, text: &str, made: Made) -> GatheredFunction {
+    let [variables, given] = [made.variables, made.given]
+        .map(|slots| slots.into_iter().map(|slot| slot.input()).collect());
+    GatheredFunction { kind, text: text.to_string(), form: made.form, variables, given }
 }
 
 /// A function of numbers that points gather, and of lengths or not.

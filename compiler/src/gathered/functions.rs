@@ -51,7 +51,7 @@ impl Model {
 
     /// What states of points become by what they gather, for these values with states among the fields
     /// ([`Values::with_states`]), and with the time step where an update depends on it. All of them are worked
-    /// out from the states as they are, then they change at once.
+    /// out from the states as they are, then they change at once. Of vectors: [`Model::vector_next_states`].
     ///
     /// # Errors
     /// A next value that is too large, or the horizon where none is given.
@@ -63,6 +63,9 @@ impl Model {
     ) -> Result<Vec<GatheredNextState>, CompileError> {
         let variant =
             self.variant(values.dimension).ok_or(CompileError::WrongDimension(values.dimension))?;
+        if self.gathers_vectors() {
+            return Ok(Vec::new());
+        }
         let next = |one: &Update<OfFamily>| {
             let (next, written) = self.gathered_function(
                 (variant, false),

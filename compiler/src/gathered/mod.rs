@@ -10,13 +10,15 @@ pub(crate) mod forms;
 mod functions;
 mod kernel;
 mod near;
+mod vector_functions;
 pub(crate) mod vectors;
 
 pub use family::{FamilyBatch, FamilyKernel, Slot, WrittenFamily};
 pub use forms::{GatheredForms, GatheredFunction, GatheredFunctionKind};
 pub use functions::{GatheredCriterion, GatheredNextState};
 pub use kernel::{GatheredBatch, GatheredKernel, WrittenGatheredEnergy};
-pub use vectors::{VectorCriterion, VectorKernels};
+pub use vector_functions::{VectorCriterion, VectorNextState};
+pub use vectors::VectorKernels;
 
 use crate::clique::Part;
 use crate::density::DensityForm;

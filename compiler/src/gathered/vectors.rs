@@ -6,19 +6,18 @@
 
 use super::family::{FamilyKernel, Slot, WrittenFamily};
 use super::{argument, energies};
-use crate::breaking::FamilyCriterion;
 use crate::clique::Part;
 use crate::coupled::form::{accurate, substituted};
 use crate::density::DensityForm;
 use crate::expression::{ExprGraph, Function, Input, Node, NodeId, TooManyNodes};
 use crate::kernel::Mode;
 use crate::measure::Measure;
-use crate::model::{Break, Model, OfFamily, Variant};
+use crate::model::{Model, Variant};
 use crate::point::adjoint::{self, Varied};
 use crate::point::near::near_of_vanishing;
 use crate::simplify::Simplifier;
 use crate::specialise::{
-    CompileError, Dropped, Form, Known, Named, folded, or_zero, substituted_into, sum_in,
+    CompileError, Dropped, Form, Known, Named, folded, substituted_into, sum_in,
 };
 use crate::values::Values;
 use crate::written::Written;
@@ -44,9 +43,6 @@ impl VectorKernels {
         self.bonds.as_ref().is_some_and(FamilyKernel::has_neighbours)
     }
 }
-
-/// When bonds break by what points gather of vectors: by the vector of a bond, too, or all bonds of a point.
-pub type VectorCriterion = FamilyCriterion<FamilyKernel, WrittenFamily>;
 
 /// Which of the functions of a potential of vectors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -219,7 +215,7 @@ impl Model {
     }
 
     /// A function of what points gather, of bonds or of points, with its derivatives.
-    fn of_vectors(
+    pub(super) fn of_vectors(
         &self,
         (variant, is_of_bonds): (&Variant, bool),
         known: Known<'_>,
@@ -236,67 +232,6 @@ impl Model {
             Slot::Own(k) | Slot::Neighbour(k) => changes[k],
             _ => false,
         })
-    }
-
-    /// The conditions of what points gather of vectors.
-    pub(crate) fn conditions_of_vectors<'v>(
-        &self,
-        variant: &'v Variant,
-    ) -> impl Iterator<Item = &'v Break<OfFamily>> + use<'v> {
-        // Energies are of vectors where they are in any dimension.
-        let gathers_vectors = self.gathers_vectors();
-        let all = variant.family_breaks.iter().filter(move |_| gathers_vectors);
-        all.filter(|one| one.of != OfFamily::Gradient)
-    }
-
-    /// When bonds break by what points gather of vectors, for these values: any one of these conditions is enough.
-    /// Kernels of bonds take the length at rest, those of points do not.
-    ///
-    /// # Errors
-    /// A condition that is too large, or the horizon where none is given.
-    pub fn vector_criteria(
-        &self,
-        values: &Values,
-        mode: Mode,
-        form: Form,
-    ) -> Result<Vec<VectorCriterion>, CompileError> {
-        let variant =
-            self.variant(values.dimension).ok_or(CompileError::WrongDimension(values.dimension))?;
-        let criterion = |one: &Break<OfFamily>| {
-            let made = self.margin_of_vectors(variant, one, Known(Some(values)), form)?;
-            let terms = Written::new(&variant.graph, &[one.root], values);
-            let written = WrittenFamily {
-                terms,
-                multipliers: vec![None],
-                first_direction: self.parameters().len() as u16,
-                functions: Vec::new(),
-            };
-            let slots = (made.variables, made.given);
-            let margin = FamilyKernel::new(made.form, mode, slots, written.clone())?;
-            Ok(VectorCriterion::new(one, margin, written))
-        };
-        self.conditions_of_vectors(variant).map(criterion).collect()
-    }
-
-    /// The margin of a condition, which is kept also where parameters leave nothing of it.
-    pub(crate) fn margin_of_vectors(
-        &self,
-        variant: &Variant,
-        condition: &Break<OfFamily>,
-        known: Known<'_>,
-        form: Form,
-    ) -> Result<Made, CompileError> {
-        let named = Named { argument: "integral", span: condition.span };
-        named.has_horizon(&variant.graph, &[condition.root], known.lacks_horizon())?;
-        let subject = ("integral", std::slice::from_ref(&condition.root));
-        let (exact, mut dropped) = (Simplifier::exact(), Vec::new());
-        let sum =
-            sum_in(exact, &variant.graph, &self.parameters, subject, &known.fold(), &mut dropped);
-        let of = (variant, condition.of == OfFamily::Bonds);
-        let made = sum.and_then(or_zero).and_then(|sum| self.of_vectors(of, known, sum, form));
-        let made = named.made(made)?;
-        named.fits(&made.form.graph)?;
-        Ok(made)
     }
 
     /// All integrands, or all functions of integrals, times their multipliers.

@@ -5,12 +5,13 @@ use piola_grammar::Span;
 
 use super::Finding;
 use super::subject::{example, short};
-use super::vectors::Family;
 use crate::breaking::Criterion;
 use crate::kernel::Mode;
 use crate::measure::Measure;
 use crate::model::{Break, Model, Of, OfFamily};
-use crate::remember::{History, Remembering, RememberingGradient, RememberingPoint};
+use crate::remember::{
+    History, Remembering, RememberingFamily, RememberingGradient, RememberingPoint,
+};
 use crate::specialise::Form;
 use crate::verify::sample::{Point, contains};
 
@@ -92,11 +93,18 @@ impl Breaking {
 
     /// Those of what points gather of vectors.
     fn of_vectors(model: &Model, dimension: usize) -> Vec<Breaking> {
-        let Some(family) = Family::new(model, dimension) else { return Vec::new() };
+        let ways = (Mode::Interpreter, Form::Textbook);
+        let found = || {
+            let family =
+                RememberingFamily::new(model, &example(model, dimension)?, ways).ok()??;
+            let criteria = model.vector_criteria(family.values(), ways.0, ways.1).ok()?;
+            (!criteria.is_empty()).then_some((family, criteria))
+        };
+        let Some((family, criteria)) = found() else { return Vec::new() };
         let mut places = deformed(dimension);
-        places.retain(|(_, change)| family.declares(change));
+        places.retain(|(_, change)| family.is_declared(change));
         Breaking::of_families(model, dimension, |condition| {
-            let one = family.criteria.iter().find(|one| one.text == condition.text)?;
+            let one = criteria.iter().find(|one| one.text == condition.text)?;
             let breaks =
                 |(stretch, change): &(f64, Vec<f64>)| (*stretch, family.breaks(one, change));
             Some(places.iter().map(breaks).collect())

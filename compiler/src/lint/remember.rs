@@ -8,7 +8,9 @@ use crate::expression::Input;
 use crate::kernel::Mode;
 use crate::measure::Measure;
 use crate::model::{Model, Of, OfFamily, Parameter};
-use crate::remember::{History, Remembering, RememberingGradient, RememberingPoint};
+use crate::remember::{
+    History, Remembering, RememberingFamily, RememberingGradient, RememberingPoint,
+};
 use crate::specialise::Form;
 use crate::verify::sample::{Point, contains};
 
@@ -102,6 +104,11 @@ impl<'m> Updating<'m> {
         let (of, updates) = of_families(model, dimension, OfFamily::Points)?;
         let values = example(model, dimension)?;
         let ways = (Mode::Interpreter, Form::Textbook);
+        if let Some(begin) = RememberingFamily::new(model, &values, ways).ok()? {
+            let declares = |change: &[f64]| begin.is_declared(change);
+            let tried = tried(dimension, &begin, Some(&()), declares);
+            return Some(Updating { updates, of, model, tried });
+        }
         let (begin, kernels, _) = RememberingPoint::new(model, &values, ways).ok()??;
         let declares = |change: &[f64]| begin.is_declared(variant, &values, change);
         let tried = tried(dimension, &begin, Some(&kernels), declares);

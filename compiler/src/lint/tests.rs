@@ -294,7 +294,15 @@ fn gathered_numbers_are_looked_at() {
              psi(H) = (H + H') : (H + H')\nallow \"not-objective\" \"linear\"\n{lines}\n"
         )
     };
+    let remembered = |psi: &str, next: &str| {
+        tensors(&format!("state k = 0\nupdate k = {next}\npsi(xi, H) = ({psi})*(norm(xi)/L - 1)^2"))
+    };
     for (text, code) in [
+        (remembered("exp(-k)", "max(k, det(I + H) - 1)"), ""),
+        (remembered("1 + k", "max(k, det(I + H) - 1)"), "update-creates-energy"),
+        (remembered("exp(-k)", "k + tr(H)^2"), "update-not-settled"),
+        (remembered("exp(-k)", "k + tr(H)^2*dt"), ""),
+        (remembered("exp(-k)", "max(k, tr(H))") + "break when tr(H) > 1e4 + k\n", "never-breaks"),
         (tensors("break when tr(H) >= 0"), "breaks-at-rest"),
         (tensors("break when det(I + H) - 1 > 0.1"), ""),
         (tensors("break when det(I + H) - 1 > 1001"), "never-breaks"),

@@ -189,12 +189,12 @@ impl Family {
 }
 
 /// The volume of a point of the lattice, in m^d.
-pub(crate) fn volume(dimension: usize, horizon: f64) -> f64 {
+pub(super) fn volume(dimension: usize, horizon: f64) -> f64 {
     (0..dimension).fold(1.0, |volume, _| volume * horizon / SPACINGS)
 }
 
 /// Vectors of a square or cubic lattice up to the horizon.
-pub(crate) fn neighbours(dimension: usize, horizon: f64) -> Vec<Vec<f64>> {
+pub(super) fn neighbours(dimension: usize, horizon: f64) -> Vec<Vec<f64>> {
     let spacing = horizon / SPACINGS;
     let reach = SPACINGS.floor() as i32;
     let along = || -reach..=reach;

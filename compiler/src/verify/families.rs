@@ -5,14 +5,19 @@
 //! in the last place of their norm.
 
 use super::gathered::{self, Place};
+use super::sample::Random;
+use super::vectors::{self, Places, Seen};
 use super::{Miss, Subject, UNIT_ROUNDOFF, Verification, WRONG, Witness, gradient};
-use crate::gathered::{GatheredBatch, GatheredNextState, WrittenGatheredEnergy};
+use crate::gathered::{
+    FamilyKernel, GatheredBatch, GatheredNextState, VectorKernels, WrittenFamily,
+    WrittenGatheredEnergy,
+};
 use crate::kernel::{Level, Mode};
 use crate::model::{Model, Of, OfFamily};
 use crate::point::WrittenGradientEnergy;
 use crate::point::sample::{self, Sample};
 use crate::point::truth::norm;
-use crate::remember::{History, RememberingGradient};
+use crate::remember::{History, RememberingFamily, RememberingGradient};
 use crate::specialise::{CompileError, Form};
 use crate::values::Values;
 
@@ -31,17 +36,21 @@ pub(super) fn after(
     }
     let (mode, form) = (Mode::Interpreter, Form::Accurate);
     let (mut gradient, _) = RememberingGradient::new(model, values, mode, form)?;
+    let mut vectors = RememberingFamily::new(model, values, (mode, form))?;
     let values = a_second_later(model, values).with_states(model);
     let of_points = model.gathered_next_states(&values, mode, form)?;
     let mut fields: Vec<f64> = values.typical().map(|(_, value)| value).collect();
     for stretch in stretches {
-        gradient.advance(&stretched(values.dimension, stretch - 1.0), 1.0);
+        let change = stretched(values.dimension, stretch - 1.0);
+        gradient.advance(&change, 1.0);
+        vectors.iter_mut().for_each(|family| family.advance(&change, 1.0));
         let next: Vec<f64> =
             of_points.iter().map(|one| at_integrals(one, *stretch, &fields)).collect();
         of_points.iter().zip(next).for_each(|(one, value)| fields[one.field] = value);
     }
     let of_points = of_points.iter().map(|one| (one.state, fields[one.field]));
-    Ok(gradient.states().chain(of_points).collect())
+    let of_vectors = vectors.iter().flat_map(RememberingFamily::states);
+    Ok(gradient.states().chain(of_points).chain(of_vectors).collect())
 }
 
 /// `F - I`, row by row, where a body is stretched along one axis, widened by a third of that, and sheared.
@@ -83,11 +92,7 @@ pub(super) fn verify(
 ) -> Result<Vec<Verification>, CompileError> {
     let values = a_second_later(model, values).without_fields();
     let modes = [Mode::Jit(Level::Strict), Mode::Jit(Level::Fast), Mode::Interpreter];
-    let found = |state: usize, text: &str, family: OfFamily| {
-        let name = &model.parameters()[state].name;
-        let subject = Subject::NextState(Of::Family(family), format!("{name} = {text}"));
-        Verification::new(subject, &[(Witness::TruthFar, BAR)])
-    };
+    let found = |state: usize, text: &str, family| found(model, (state, text), family);
     let mut all = Vec::new();
     let samples = gradient::samples(values.dimension, n);
     let [strict, fast, interpreted] =
@@ -115,6 +120,51 @@ pub(super) fn verify(
         all.push(one);
     }
     Ok(all)
+}
+
+fn found(model: &Model, (state, text): (usize, &str), family: OfFamily) -> Verification {
+    let name = &model.parameters()[state].name;
+    let subject = Subject::NextState(Of::Family(family), format!("{name} = {text}"));
+    Verification::new(subject, &[(Witness::TruthFar, BAR)])
+}
+
+/// The same of points by what they gather of vectors, at `n` places.
+pub(super) fn verify_vectors(
+    (model, values): (&Model, &Values),
+    kernels: &VectorKernels,
+    n: usize,
+) -> Result<Vec<Verification>, CompileError> {
+    let values = &a_second_later(model, values);
+    let modes = [Mode::Jit(Level::Strict), Mode::Jit(Level::Fast), Mode::Interpreter];
+    let [strict, fast, interpreted] =
+        modes.map(|mode| model.vector_next_states(values, mode, Form::Accurate));
+    let mut random = Random::new(0x6e65_7874_7374);
+    let mut all = Vec::new();
+    for ((strict, fast), interpreted) in strict?.iter().zip(&fast?).zip(&interpreted?) {
+        let kernel = &strict.next;
+        let place = |_| {
+            let place =
+                vectors::bond(kernels, (model, values), (vectors::SIZES, false), &mut random);
+            let given = kernel.variables().iter().map(|slot| place.slot(*slot)).collect();
+            PointOfVectors { place, given, kernel, of: (model, values) }
+        };
+        let places: Vec<PointOfVectors<'_>> = (0..n).map(place).collect();
+        let all_places = places.iter().map(|one| one.place.clone()).collect();
+        let all_places = Places::new(all_places, (model, values));
+        let levels = [strict, fast, interpreted].map(|one| vectors::values(&one.next, &all_places));
+        let mut one = found(model, (strict.state, &strict.text), OfFamily::Points);
+        compare(&mut one, levels, &places, &strict.written);
+        all.push(one);
+    }
+    Ok(all)
+}
+
+/// A point with what it gathers of vectors, as a kernel takes it.
+struct PointOfVectors<'a> {
+    place: vectors::Place,
+    given: Vec<f64>,
+    kernel: &'a FamilyKernel,
+    of: (&'a Model, &'a Values),
 }
 
 /// A place at which a function as written is known to many digits.
@@ -152,6 +202,21 @@ impl Known<WrittenGatheredEnergy> for Place {
 
     fn moved(&self, given: Vec<f64>) -> Place {
         Place::moved(self, given)
+    }
+}
+
+impl Known<WrittenFamily> for PointOfVectors<'_> {
+    fn truth(&self, written: &WrittenFamily) -> Option<f64> {
+        let places = Places::new(vec![self.place.clone()], self.of);
+        Seen { written, kernel: self.kernel, places: &places }.value(0)
+    }
+
+    fn given(&self) -> &[f64] {
+        &self.given
+    }
+
+    fn moved(&self, given: Vec<f64>) -> Self {
+        PointOfVectors { place: self.place.moved(self.kernel, &given), given, ..*self }
     }
 }
 

@@ -408,18 +408,17 @@ pub fn verify(
     }
     for (k, values) in cases.iter().enumerate() {
         let (found, dropped) = verify_at(model, values, n)?;
-        for one in found {
-            match all.0.iter_mut().find(|known| known.subject == one.subject) {
-                Some(known) if k > 0 => known.join(one),
-                _ => all.0.push(one),
-            }
-        }
+        join(&mut all.0, found, k);
         if k == 0 {
             all.1 = dropped;
         }
     }
     if model.gathers_vectors() {
-        all.0.extend(vectors::verify(model, values, n)?);
+        // What sees bonds from many sides at once is verified on its own.
+        let histories = remember::histories(model, values)?;
+        for (k, values) in histories.iter().enumerate() {
+            join(&mut all.0, vectors::verify(model, values, n)?, k);
+        }
     }
     // Once more as bodies run it: the direction is an input.
     for one in measure::verify_directed(model, values, n)? {
@@ -428,6 +427,16 @@ pub fn verify(
         }
     }
     Ok(all)
+}
+
+/// Takes in what was found in the case of this number: from the second on of subjects that are there.
+fn join(all: &mut Vec<Verification>, found: Vec<Verification>, case: usize) {
+    for one in found {
+        match all.iter_mut().find(|known| known.subject == one.subject) {
+            Some(known) if case > 0 => known.join(one),
+            _ => all.push(one),
+        }
+    }
 }
 
 /// Directions of bonds at rest to verify at: one that no symmetry singles out, and others along the axes and
@@ -455,7 +464,6 @@ fn verify_at(
 ) -> Result<(Vec<Verification>, Vec<Dropped>), CompileError> {
     let variant =
         model.variant(values.dimension).ok_or(CompileError::WrongDimension(values.dimension))?;
-    // What sees bonds from many sides at once is verified on its own.
     let is_own = |kind: &Kind| *kind != Kind::Gathered || !model.gathers_vectors();
     let kinds: Vec<Kind> = Kind::ALL.into_iter().filter(is_own).collect();
     let compiled = |mode| model.compile_only(&kinds, values, mode, Form::Accurate);

@@ -4,7 +4,7 @@
 
 use super::gathered::largest;
 use super::sample::Random;
-use super::{Subject, Verification, Witness, vector_margin};
+use super::{Subject, Verification, Witness, families, vector_margin};
 use crate::expression::number::Number;
 use crate::expression::precise::Precise;
 use crate::gathered::vectors::Which;
@@ -22,7 +22,7 @@ const BAR: f64 = 1e4;
 const BONDS: usize = 24;
 
 /// How far families are deformed: the components of the gradient that all bonds share, and what each moves beside it.
-const SIZES: [f64; 2] = [0.25, 0.05];
+pub(super) const SIZES: [f64; 2] = [0.25, 0.05];
 
 /// Verifies all functions of a potential of vectors at `n` places each.
 pub(super) fn verify(
@@ -46,6 +46,7 @@ pub(super) fn verify(
     let Some(variant) = model.variant(values.dimension) else { return Ok(Vec::new()) };
     let places = places(&strict, (model, values), n);
     let margins = vector_margin::verify((model, values), &strict, n)?;
+    let next_states = families::verify_vectors((model, values), &strict, n)?;
     let mut found = Vec::new();
     for which in [Which::Integrands, Which::Functions, Which::Points, Which::Bonds] {
         let ways = [&strict, &fast, &interpreted, &dual].map(|kernels| of(kernels, which));
@@ -62,6 +63,7 @@ pub(super) fn verify(
         found.push(verification);
     }
     found.extend(margins);
+    found.extend(next_states);
     Ok(found)
 }
 
@@ -135,6 +137,13 @@ impl Place {
         let (unit, direction) = given[slots().count()..].split_at(d);
         (place.unit, place.random[1]) = (unit.to_vec(), direction.to_vec());
         place
+    }
+
+    /// The same where a kernel is differentiated by other numbers.
+    pub(super) fn moved(&self, kernel: &FamilyKernel, variables: &[f64]) -> Place {
+        let mut given = self.given(kernel);
+        given[..variables.len()].copy_from_slice(variables);
+        Place::of(kernel, (self.moved.len(), self.n_gathered()), &given)
     }
 
     /// These numbers.
@@ -213,6 +222,13 @@ pub(crate) struct Places<'a> {
 impl<'a> Places<'a> {
     pub(crate) fn new(all: Vec<Place>, (model, values): (&Model, &'a Values)) -> Places<'a> {
         Places { all, values, directions: model.directions(values.dimension) }
+    }
+
+    /// A parameter that varies, by its number: a component of the direction of the bond, or what the values say.
+    fn field(&self, place: usize, number: u16) -> f64 {
+        let axis = self.directions.clone().position(|own| own == number);
+        let typical = self.values.parameters[usize::from(number)];
+        axis.map_or(typical, |axis| self.all[place].unit[axis])
     }
 }
 
@@ -361,12 +377,9 @@ fn batch(kernel: &FamilyKernel, places: &Places<'_>, take: impl FnOnce(FamilyBat
         slots.iter().flat_map(|slot| places.all.iter().map(|place| place.slot(*slot))).collect()
     };
     let (variables, given) = (of(kernel.variables()), of(kernel.given()));
-    let typical = kernel.fields().iter().zip(&places.values.fields);
-    let fields: Vec<f64> = typical
-        .flat_map(|(value, number)| {
-            let axis = places.directions.clone().position(|own| own == *number);
-            places.all.iter().map(move |place| axis.map_or(*value, |axis| place.unit[axis]))
-        })
+    let numbers = kernel.fields().iter().zip(&places.values.fields).map(|(_, number)| *number);
+    let fields: Vec<f64> = numbers
+        .flat_map(|number| (0..places.all.len()).map(move |p| places.field(p, number)))
         .collect();
     let n = places.all.len();
     take(FamilyBatch { n, variables: &variables, given: &given, fields: &fields });
@@ -406,11 +419,8 @@ impl Seen<'_> {
         value.parts().map(|_| value.rounded()[0])
     }
 
-    /// A field at a place, by its place among the fields: a component of the direction, or a typical value.
+    /// A field at a place, by its place among the fields.
     fn field(&self, p: usize, k: usize) -> f64 {
-        let number = self.places.values.fields[k];
-        let axis = self.places.directions.clone().position(|own| own == number);
-        let typical = self.places.values.parameters[usize::from(number)];
-        axis.map_or(typical, |axis| self.places.all[p].unit[axis])
+        self.places.field(p, self.places.values.fields[k])
     }
 }

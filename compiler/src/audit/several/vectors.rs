@@ -7,13 +7,14 @@ use crate::density::DensityForm;
 use crate::expression::Input;
 use crate::expression::number::Number as _;
 use crate::gathered::vectors::Which;
-use crate::gathered::{FamilyKernel, Slot, VectorCriterion, VectorKernels, WrittenFamily};
+use crate::gathered::{FamilyKernel, Slot, VectorKernels, WrittenFamily};
 use crate::kernel::Mode;
-use crate::model::{Break, Model, OfFamily};
+use crate::model::{Model, Of, OfFamily};
 use crate::specialise::{CompileError, Known};
 use crate::values::Values;
 use crate::verify::Subject;
 use crate::verify::cause::Exact;
+use crate::verify::families::a_second_later;
 use crate::verify::sample::Random;
 use crate::verify::stated::cause_of_several;
 use crate::verify::vectors::{Place, Places, Seen, bond, evaluate, of, subject};
@@ -50,7 +51,8 @@ pub(super) fn audit(
     Ok(all.into_iter().filter_map(audit).collect())
 }
 
-/// Margins of conditions of what points gather of vectors.
+/// Margins of conditions of what points gather of vectors, then what states of points become, with states by the
+/// values.
 ///
 /// # Errors
 /// What cannot be compiled.
@@ -64,20 +66,31 @@ pub(super) fn functions(
         model.variant(values.dimension).ok_or(CompileError::WrongDimension(values.dimension))?;
     let mode = Mode::Jit(settings.level);
     let criteria = model.vector_criteria(values, mode, settings.form)?;
+    let later = a_second_later(model, values);
+    let next_states = model.vector_next_states(&later, mode, settings.form)?;
     let mut kernels = None;
-    if !criteria.is_empty() {
+    if !criteria.is_empty() || !next_states.is_empty() {
         model.compile_vectors(values, (mode, settings.form), &mut kernels)?;
     }
     let Some(kernels) = kernels else { return Ok(Vec::new()) };
     let sampled = sampled(&kernels, (model, values), settings.points);
-    let audit = |(condition, one): (&Break<OfFamily>, VectorCriterion)| {
-        let known = Known(Some(values));
-        let made = model.margin_of_vectors(variant, condition, known, settings.form)?;
-        let of = (&one.margin, &one.written, Some(&made.form));
-        let subject = Subject::Margin(None, one.text.clone());
+    let see = |(kernel, written), (of_bonds, root, span), values: &Values, subject| {
+        let (of, known) = ((variant, of_bonds), Known(Some(values)));
+        let made = model.margin_or_next_of_vectors(of, (root, span), known, settings.form)?;
+        let of = (kernel, written, Some(&made.form));
         Ok(judged(of, (model, values), (&sampled, settings, 1), subject))
     };
-    model.conditions_of_vectors(variant).zip(criteria).map(audit).collect()
+    let breaks = model.conditions_of_vectors(variant).zip(&criteria).map(|(condition, one)| {
+        let of = (condition.of == OfFamily::Bonds, condition.root, condition.span);
+        let subject = Subject::Margin(None, one.text.clone());
+        see((&one.margin, &one.written), of, values, subject)
+    });
+    let updates = model.updates_of_vectors(variant).zip(&next_states).map(|(update, one)| {
+        let text = format!("{} = {}", model.input_name(one.state), one.text);
+        let subject = Subject::NextState(Of::Family(OfFamily::Points), text);
+        see((&one.next, &one.written), (false, update.root, update.span), &later, subject)
+    });
+    breaks.chain(updates).collect()
 }
 
 /// Audits a kernel at places, with its form where that is there to say what loses digits.

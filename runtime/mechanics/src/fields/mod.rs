@@ -14,12 +14,13 @@
 //! what follows from that is worked out once: `stored` makes the Hessian and its diagonal from the weights
 //! `G` and from second derivatives by the fields, `springs` fills the matrix that products are
 //! preconditioned by. `lost` knows which bonds families have lost, `judged` asks conditions of
-//! places.
+//! places, `remembered` changes what points remember.
 
 pub mod deformation;
 mod judged;
 pub mod least_squares;
 mod lost;
+mod remembered;
 pub(crate) mod springs;
 pub mod states;
 pub(crate) mod stored;

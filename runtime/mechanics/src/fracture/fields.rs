@@ -36,16 +36,16 @@ pub struct FamilyCriterion<M = Box<dyn VariablesLaw>> {
 }
 
 /// What a state becomes of deformation gradients, or of what points gather.
-pub struct FamilyNextState {
+pub struct FamilyNextState<M = Box<dyn VariablesLaw>> {
     /// The law: places that take this law remember.
     pub law: u8,
     /// The number of the state among the fields of all laws.
     pub field: usize,
     /// The next value, in the place of psi, with its variables.
-    pub next: Box<dyn VariablesLaw>,
+    pub next: M,
 }
 
-impl FamilyNextState {
+impl<M> FamilyNextState<M> {
     /// Whether a value is another than what is remembered by this number.
     pub(crate) fn differs(&self, fields: &Fields, number: usize, value: f64) -> bool {
         fields.state(self.field, number).is_some_and(|state| state.to_bits() != value.to_bits())

@@ -3,7 +3,7 @@
 use piola_compiler::{CompileError, FamilyKernel, Form};
 use piola_compiler::{
     GatheredCriterion, GatheredKernel, GatheredNextState, GradientCriterion, GradientNextState,
-    Mode, Model, Values, VectorCriterion,
+    Mode, Model, Values, VectorCriterion, VectorNextState,
 };
 use piola_mechanics::fracture::{FamilyCriterion, FamilyNextState};
 use piola_mechanics::kernel::VariablesLaw;
@@ -24,6 +24,8 @@ pub struct FamilyFunctions {
     pub gradient_next: Vec<GradientNextState>,
     /// The same of points with what they gather.
     pub gathered_next: Vec<GatheredNextState>,
+    /// The same where these gather vectors.
+    pub vector_next: Vec<VectorNextState>,
 }
 
 impl FamilyFunctions {
@@ -39,6 +41,7 @@ impl FamilyFunctions {
             vector_criteria: model.vector_criteria(values, mode, form)?,
             gradient_next: model.gradient_next_states(values, mode, form)?,
             gathered_next: model.gathered_next_states(values, mode, form)?,
+            vector_next: model.vector_next_states(values, mode, form)?,
         })
     }
 
@@ -48,7 +51,8 @@ impl FamilyFunctions {
         let of_gradients = !self.gradient_criteria.is_empty() || !self.gradient_next.is_empty();
         let of_gathered = !self.gathered_criteria.is_empty()
             || !self.vector_criteria.is_empty()
-            || !self.gathered_next.is_empty();
+            || !self.gathered_next.is_empty()
+            || !self.vector_next.is_empty();
         match (of_gradients && !gradients, of_gathered && !gathered) {
             (true, _) => Some("deformation gradients"),
             (_, true) => Some("gathered values"),
@@ -76,9 +80,13 @@ impl OfLayer<'_> {
     }
 
     fn next(&self, law: usize, field: usize, next: Numbered) -> FamilyNextState {
-        let first = self.fields.map_or(0, |fields| fields.of_law(law).start);
         let next = self.function(law, 0, next);
-        FamilyNextState { law: law as u8, field: first + field, next }
+        FamilyNextState { law: law as u8, field: self.field_of(law, field), next }
+    }
+
+    /// The number that a field of a law has among those of all.
+    fn field_of(&self, law: usize, field: usize) -> usize {
+        self.fields.map_or(0, |fields| fields.of_law(law).start) + field
     }
 
     /// The conditions of the gradients of a law.
@@ -137,6 +145,19 @@ impl OfLayer<'_> {
             number,
             margin: one.margin,
             holds_at_zero: one.holds_at_zero,
+        })
+    }
+
+    /// What points of a law remember of vectors.
+    pub(super) fn next_by_vectors(
+        self,
+        law: usize,
+        all: Vec<VectorNextState>,
+    ) -> impl Iterator<Item = FamilyNextState<FamilyKernel>> {
+        all.into_iter().map(move |one| FamilyNextState {
+            law: law as u8,
+            field: self.field_of(law, one.field),
+            next: one.next,
         })
     }
 

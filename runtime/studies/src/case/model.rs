@@ -156,13 +156,14 @@ impl Case {
             let (body, neighborhood) = found();
             let laws = vectors_of_materials(vectors, self.thickness());
             let of = OfLayer { number, n_laws: functions.len(), n_variables: 0, fields };
-            let mut criteria = Vec::new();
+            let (mut criteria, mut next) = (Vec::new(), Vec::new());
             for (law, own) in functions.iter_mut().enumerate() {
                 let place = (law, own.gradient_criteria.len());
                 criteria.extend(of.by_vectors(place, take(&mut own.vector_criteria)));
+                next.extend(of.next_by_vectors(law, take(&mut own.vector_next)));
             }
             let energy = VectorEnergy::new(body, neighborhood, materials.clone(), laws)?;
-            terms.push(Box::new(energy.with_criteria(criteria)));
+            terms.push(Box::new(energy.with_criteria(criteria).with_next_states(next)));
         }
         if gradients.iter().any(Option::is_some) {
             let energy = self.correspondence(gradients, found().1, materials.clone())?;

@@ -2,22 +2,14 @@
 //! remember next. A condition that holds the length of a bond is asked of a bond with what either of its ends
 //! gathers, one without of a point, and breaks all of its bonds.
 
-use rayon::prelude::*;
-
 use super::StateEnergy;
-use crate::energy::{Energy, NonFinite, total};
+use crate::energy::NonFinite;
 use crate::fields::judged::Question;
+use crate::fields::remembered;
 use crate::fracture::{Asked, FamilyCriterion, FamilyNextState, Judged, Release};
 use crate::geometry::Geometry;
 use crate::geometry::bond::Bond;
 use crate::kernel::{Variables, VariablesLaw};
-use crate::materials::Fields;
-
-/// Points that are worked out by one task, or whose bonds are; fixed, so that results do not depend on threads.
-const CHUNK: usize = 64;
-
-/// Places that go through a margin at once.
-const CAPACITY: usize = 128;
 
 /// A body at some displacements: what points gather, point by point, and displacements in m.
 #[derive(Clone, Copy)]
@@ -43,74 +35,26 @@ impl StateEnergy {
         StateEnergy { next_states, ..self }
     }
 
-    /// See [`crate::energy::Energy::change_field_states`]: of what points remember all bonds of a point depend,
-    /// so it is the energy of the body that falls.
+    /// See [`crate::energy::Energy::change_field_states`].
     pub(super) fn change_states<const D: usize>(
         &self,
         u: &[f64],
-        (step, direction): (f64, &[f64]),
+        way: (f64, &[f64]),
     ) -> Result<Release, NonFinite> {
         let Some(fields) = self.fields() else { return Ok(Release::default()) };
-        let changes = self.changes_of_states::<D>(u, fields)?;
-        if changes.is_empty() {
-            return Ok(Release::default());
-        }
-        let mut forces = vec![0.0; u.len()];
-        let mut parts = vec![0.0; self.names.len()];
-        let mut held = || {
-            self.counted_energy(u, Some(&mut forces), &mut parts)?;
-            let energy = total(&parts);
-            let power = forces.iter().zip(direction).fold(0.0, |sum, (force, v)| sum + force * v);
-            Ok([energy, power])
-        };
-        let before = held()?;
-        for (field, point, next) in &changes {
-            fields.set_state(*field, *point, *next);
-        }
-        let after = held()?;
-        let mut points: Vec<usize> = changes.iter().map(|change| change.1).collect();
-        points.sort_unstable();
-        points.dedup();
-        Ok(Release {
-            changed: points.len(),
-            dissipated: before[0] - after[0],
-            timing: 0.5 * step * (before[1] - after[1]),
-            ..Release::default()
-        })
-    }
-
-    /// What points remember next, of those that do not remember it already: fields, points and values.
-    fn changes_of_states<const D: usize>(
-        &self,
-        u: &[f64],
-        fields: &Fields,
-    ) -> Result<Vec<(usize, usize, f64)>, NonFinite> {
         let integrals = self.integrals(u);
         let now = Deformed { integrals: &integrals, u };
-        let n = self.body.n_points();
-        let mut all = Vec::new();
-        for one in &self.next_states {
-            let chunk = |number: usize| {
-                let points = number * CHUNK..n.min((number + 1) * CHUNK);
-                // A point that has nothing to gather from any more goes on remembering what it did.
-                let is_left = |i: &usize| !self.neighborhood.row(*i).is_empty();
-                let there = points.filter(|i| is_left(i) && !self.body.is_cut(*i));
-                let own = there.filter(|i| self.law_of(*i) == one.law).map(|i| [i; 2]);
-                let own: Vec<[usize; 2]> = own.collect();
-                let mut changes = Vec::new();
-                for places in own.chunks(CAPACITY) {
-                    let next = self.values::<D>((&*one.next, one.law), places, now)?;
-                    let places = places.iter().zip(next);
-                    let differs = |([i, _], x): &(&[usize; 2], f64)| one.differs(fields, *i, *x);
-                    changes.extend(places.filter(differs).map(|([i, _], x)| (one.field, *i, x)));
-                }
-                Ok(changes)
-            };
-            let parts: Result<Vec<_>, NonFinite> =
-                (0..n.div_ceil(CHUNK)).into_par_iter().map(chunk).collect();
-            all.extend(parts?.concat());
-        }
-        Ok(all)
+        // A point that has nothing to gather from any more goes on remembering what it did.
+        let takes = |one: &FamilyNextState, i: usize| {
+            let is_left = !self.neighborhood.row(i).is_empty() && !self.body.is_cut(i);
+            is_left && self.law_of(i) == one.law
+        };
+        let next = |one: &FamilyNextState, places: &[[usize; 2]]| {
+            self.values::<D>((&*one.next, one.law), places, now)
+        };
+        let points = (fields, self.body.n_points());
+        let changes = remembered::changes(&self.next_states, points, takes, next)?;
+        remembered::release(self, fields, &changes, (u, way))
     }
 
     /// The law of a point.

@@ -1,5 +1,6 @@
-//! Conditions of what points gather of vectors, under which bonds break. One that holds what belongs to a bond is asked
-//! of a bond as each of its ends sees it, another of a point, and breaks all of its bonds.
+//! Functions of what points gather of vectors that are no energies: conditions under which bonds break, and what points
+//! remember next. A condition that holds what belongs to a bond is asked of a bond as each of its ends sees it, another
+//! of a point, and breaks all of its bonds.
 
 use piola_compiler::FamilyKernel;
 
@@ -7,12 +8,46 @@ use super::VectorEnergy;
 use super::passes::{At, Gathered, Room};
 use crate::energy::NonFinite;
 use crate::fields::judged::Question;
-use crate::fracture::{Asked, FamilyCriterion, Judged};
+use crate::fields::remembered;
+use crate::fracture::{Asked, FamilyCriterion, FamilyNextState, Judged, Release};
 
 impl VectorEnergy {
     /// The same with conditions under which bonds break.
     pub fn with_criteria(self, criteria: Vec<FamilyCriterion<FamilyKernel>>) -> VectorEnergy {
         VectorEnergy { criteria, ..self }
+    }
+
+    /// The same with what points remember.
+    pub fn with_next_states(self, next_states: Vec<FamilyNextState<FamilyKernel>>) -> VectorEnergy {
+        VectorEnergy { next_states, ..self }
+    }
+
+    /// See [`crate::energy::Energy::change_field_states`].
+    pub(super) fn change_states<const D: usize>(
+        &self,
+        u: &[f64],
+        way: (f64, &[f64]),
+    ) -> Result<Release, NonFinite> {
+        let Some(fields) = self.fields() else { return Ok(Release::default()) };
+        let values = self.gathered_in::<D>(u);
+        let now = At { u, values: &values, adjoint: &[] };
+        // What is left of a released family says nothing: its point goes on remembering what it did.
+        let takes = |one: &FamilyNextState<FamilyKernel>, i: usize| {
+            self.is_of(usize::from(one.law), &[i; 2]) && !self.body.is_cut(i)
+        };
+        let next = |one: &FamilyNextState<FamilyKernel>, places: &[[usize; 2]]| {
+            self.values((usize::from(one.law), &one.next), places, now)
+        };
+        let points = (fields, self.body.n_points());
+        let mut changes = remembered::changes(&self.next_states, points, takes, next)?;
+        changes.retain(|(.., next)| !next.is_nan());
+        remembered::release(self, fields, &changes, (u, way))
+    }
+
+    fn gathered_in<const D: usize>(&self, u: &[f64]) -> Vec<f64> {
+        let mut gathered = Gathered::default();
+        self.gather::<D>(u, None, &mut gathered);
+        gathered.values
     }
 
     /// See [`crate::energy::Energy::field_margins`].
@@ -22,13 +57,8 @@ impl VectorEnergy {
         asked: Asked,
     ) -> Result<Vec<Judged>, NonFinite> {
         let nowhere = vec![0.0; u.len()];
-        let gathered = |u: &[f64]| {
-            let mut gathered = Gathered::default();
-            self.gather::<D>(u, None, &mut gathered);
-            gathered.values
-        };
-        let now = gathered(u);
-        let at_rest = (asked != Asked::Breaking).then(|| gathered(&nowhere));
+        let now = self.gathered_in::<D>(u);
+        let at_rest = (asked != Asked::Breaking).then(|| self.gathered_in::<D>(&nowhere));
         let now = At { u, values: &now, adjoint: &[] };
         let at_rest = at_rest.as_deref().map(|values| At { u: &nowhere, values, adjoint: &[] });
         let is_bond = matches!(asked, Asked::Bond(_));

@@ -11,7 +11,7 @@
 //! | `passes` | what points gather, energies, forces; and the same of directions: products with the Hessian |
 //! | `linear` | second derivatives by what points gather, of which the stored Hessian is made |
 //! | `broken` | families that lose bonds |
-//! | `functions` | conditions under which bonds break |
+//! | `functions` | conditions under which bonds break, what points remember |
 //!
 //! The derivative goes the way back: `a_i = dw/ds_i`, then what these pull at the integrals, then what a bond pulls
 //! with, `t_ij = 1/2 dphi/dxi + a_i . dg/dxi`. Kernels give all of it ([`piola_compiler::VectorKernels`]), for
@@ -36,7 +36,7 @@ use crate::body::Body;
 use crate::energy::{Energy, Hessian, NonFinite, Wanted, check_sizes};
 use crate::fields::lost::LostBonds;
 use crate::fields::{springs, stored};
-use crate::fracture::{Asked, FamilyCriterion, Judged};
+use crate::fracture::{Asked, FamilyCriterion, FamilyNextState, Judged, Release};
 use crate::interaction::{Report, Slabs};
 use crate::materials::{Fields, Materials};
 use crate::matrix::{BlockMatrix, BlockPattern};
@@ -75,6 +75,7 @@ pub struct VectorEnergy {
     /// Which points have no energy, because too little is left of their families.
     is_released: Vec<bool>,
     criteria: Vec<FamilyCriterion<FamilyKernel>>,
+    next_states: Vec<FamilyNextState<FamilyKernel>>,
     /// The families before bonds were lost, and which are.
     lost: Option<LostBonds>,
     /// Room for passes, and for their threads.
@@ -132,6 +133,7 @@ impl VectorEnergy {
             stiffness: OnceLock::new(),
             is_released: vec![false; n],
             criteria: Vec::new(),
+            next_states: Vec::new(),
             lost: None,
             gathered: Pool::new(),
             room: Pool::new(),
@@ -347,6 +349,23 @@ impl Energy for VectorEnergy {
 
     fn has_field_conditions(&self) -> bool {
         !self.criteria.is_empty()
+    }
+
+    fn has_field_states(&self) -> bool {
+        !self.next_states.is_empty()
+    }
+
+    fn change_field_states(
+        &self,
+        u: &[f64],
+        way: (f64, &[f64]),
+        _breaking: &[usize],
+    ) -> Result<Release, NonFinite> {
+        match self.body.dimension() {
+            _ if self.next_states.is_empty() => Ok(Release::default()),
+            2 => self.change_states::<2>(u, way),
+            _ => self.change_states::<3>(u, way),
+        }
     }
 
     fn field_margins(&self, u: &[f64], asked: Asked) -> Result<Vec<Judged>, NonFinite> {

@@ -117,8 +117,8 @@ impl FamilyKernel {
 
     /// Whether it holds what the other end of a bond gathers.
     pub fn has_neighbours(&self) -> bool {
-        let slots = self.variables.iter().chain(&self.given);
-        slots.into_iter().any(|slot| matches!(slot, Slot::Neighbour(_)))
+        let mut slots = self.variables.iter().chain(&self.given);
+        slots.any(|slot| matches!(slot, Slot::Neighbour(_)))
     }
 
     /// Typical values of the parameters that are fields, in the order of [`crate::Values::fields`].

@@ -112,19 +112,20 @@ impl Visit<'_> {
         sink: &mut impl Sink<D, K>,
     ) -> Result<(), NonFinite> {
         let Some(materials) = &kind.materials else { return Ok(()) };
-        let of_corners = |clique: &Clique| -> [u8; K] {
+        // The materials of the corners but the owner's, ascending, as one number.
+        let of_corners = |clique: &Clique| -> u32 {
             let mut corners = clique
                 .corners::<K>()
                 .map(|member| materials.of(cliques.members()[member] as usize));
             corners.sort_unstable();
-            corners
+            corners.into_iter().fold(0, |all, own| all << 8 | u32::from(own))
         };
-        gathered.list.sort_by_key(of_corners);
+        gathered.sort_by(of_corners);
         let mut start = 0;
         while start < gathered.list.len() {
-            let first = &gathered.list[start];
-            let (corners, points) = (of_corners(first), named(cliques, &first.corners::<K>()));
-            let same = gathered.list[start..].partition_point(|other| of_corners(other) <= corners);
+            let (corners, _) = gathered.order[start];
+            let points = named(cliques, &gathered.list[start].corners::<K>());
+            let same = gathered.order[start..].partition_point(|(other, _)| *other <= corners);
             let lanes = start..start + same;
             for part in kind.parts_of(&points).iter() {
                 self.evaluate(kind, part, cliques, gathered, lanes.clone(), sink)?;
@@ -185,6 +186,9 @@ pub(super) struct Gathered<const D: usize> {
     pub(super) members: Members<D>,
     batch: InteractionBatch,
     out: Contributions,
+    /// By what they were sorted, each with its place before; and room for sorting.
+    order: Vec<(u32, u32)>,
+    sorted: Vec<Clique>,
 }
 
 /// What interactions need of their owner and of its members.
@@ -218,7 +222,20 @@ impl<const D: usize> Gathered<D> {
             },
             batch: InteractionBatch::new(measure, D),
             out: Contributions::new(measure, D),
+            order: Vec::new(),
+            sorted: Vec::new(),
         }
+    }
+
+    /// Sorts what comes next by a number, equal ones in their order.
+    fn sort_by(&mut self, number: impl Fn(&Clique) -> u32) {
+        let Gathered { list, order, sorted, .. } = self;
+        order.clear();
+        order.extend((0..).zip(&*list).map(|(place, clique)| (number(clique), place)));
+        order.sort_unstable();
+        sorted.clear();
+        sorted.extend(order.iter().map(|(_, place)| list[*place as usize]));
+        std::mem::swap(list, sorted);
     }
 
     fn begin(&mut self, kind: &Kind, cliques: &OwnerCliques<'_, D>, u: &[f64]) {

@@ -40,6 +40,7 @@ impl VectorEnergy {
         };
         let points = (fields, self.body.n_points());
         let mut changes = remembered::changes(&self.next_states, points, takes, next)?;
+        // No number where too little is left to work one out.
         changes.retain(|(.., next)| !next.is_nan());
         remembered::release(self, fields, &changes, (u, way))
     }

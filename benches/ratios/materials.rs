@@ -33,7 +33,8 @@ struct Measured {
     name: &'static str,
     potential: Result<&'static str, &'static str>,
     parameters: [&'static str; 2],
-    /// The same as functions of the place.
+    /// The same as functions of the place, with the first material's as their means: not 1, with which a law
+    /// has a multiplication less.
     graded: &'static str,
     further: &'static str,
     horizon: f64,
@@ -43,7 +44,7 @@ const MEASURED: [Measured; 6] = [
     Measured {
         name: "bonds, affine, in runs",
         potential: Ok("potential p\nparameter C\npsi(l) = C*L*(l/L - 1)^2\n"),
-        parameters: ["C = 1", "C = 10"],
+        parameters: ["C = 3", "C = 10"],
         graded: "C = \"1 + 0.1*X\"",
         further: "",
         horizon: 3.0,
@@ -51,7 +52,7 @@ const MEASURED: [Measured; 6] = [
     Measured {
         name: "bonds, logarithmic, in batches",
         potential: Ok("potential p\nparameter C\npsi(l) = C*L*ln(l/L)^2\n"),
-        parameters: ["C = 1", "C = 10"],
+        parameters: ["C = 3", "C = 10"],
         graded: "C = \"1 + 0.1*X\"",
         further: "",
         horizon: 3.0,
@@ -61,7 +62,7 @@ const MEASURED: [Measured; 6] = [
         potential: Ok(
             "potential p\nparameter C\npsi(l) = C*L*(l/L - 1)^2\npsi(a) = C*A*(a/A - 1)^2\n",
         ),
-        parameters: ["C = 1", "C = 10"],
+        parameters: ["C = 3", "C = 10"],
         graded: "C = \"1 + 0.1*X\"",
         further: "",
         horizon: 2.0,

@@ -3,7 +3,6 @@
 use cranelift_codegen::isa::OwnedTargetIsa;
 
 use super::code::{Code, Listing, isa};
-use crate::density::listed;
 use crate::expression::Input;
 use crate::kernel::{Batch, Level, Order, Outputs};
 use crate::program::Program;
@@ -58,9 +57,13 @@ impl CompiledKernel {
         if self.n_fields == 0 {
             return self.code.run(order as usize, &own, outputs);
         }
-        let fields = batch.fields.chunks(batch.measure.len().max(1));
+        let n = batch.measure.len();
         let mut room = [&[][..]; SOURCES];
-        let sources = listed(&mut room, own.into_iter().chain(fields));
+        let sources = &mut room[..own.len() + self.n_fields];
+        sources[..own.len()].copy_from_slice(&own);
+        for (field, source) in sources[own.len()..].iter_mut().enumerate() {
+            *source = &batch.fields[field * n..][..n];
+        }
         self.code.run(order as usize, sources, outputs);
     }
 

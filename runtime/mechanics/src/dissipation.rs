@@ -297,9 +297,9 @@ impl Room {
         }
         let lanes = &self.lanes;
         if let Some(fields) = layer.materials.as_deref().and_then(Materials::fields) {
-            let bond = |lane: usize| ([owner, lanes[lane].other].into_iter(), lanes[lane].bond);
+            let bonds = lanes.iter().map(|lane| ([owner, lane.other].into_iter(), lane.bond));
             let (measure, own) = (Measure::Length, fields.of_law(number));
-            fields.add_of(measure, own, lanes.len(), bond, &mut self.fields);
+            fields.add_of(measure, own, lanes.len(), bonds, &mut self.fields);
         }
         self.fields.extend_from_slice(&self.lengths);
     }

@@ -213,7 +213,8 @@ impl<'a> LawOfPoints<'a> {
                 let Place { ends, bond } = places(place);
                 (ends.into_iter(), bond)
             };
-            fields.add_of(Measure::Length, 0..fields.len(), n, of, given);
+            let places = (0..n).map(of);
+            fields.add_of(Measure::Length, 0..fields.len(), n, places, given);
         }
     }
 

@@ -15,6 +15,7 @@ use crate::element::{CAPACITY, Channel, Contributions, Element, InteractionBatch
 use crate::energy::NonFinite;
 use crate::geometry::{each, packed, packed_len};
 use crate::kernel::Measure;
+use crate::weights::CliqueWeights;
 
 /// What the rows hold before the bonds are added.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -127,7 +128,7 @@ impl<'a, const D: usize, const N: usize> BondSums<'a, D, N> {
             return self.add_all((owner, others, 0), (0, 1.0), own, rows);
         };
         let (of, here) = (|point: &u32| materials.of(*point as usize), materials.of(owner));
-        if others.iter().all(|other| of(other) == here) {
+        if materials.n_laws() == 1 || others.iter().all(|other| of(other) == here) {
             return self.add_all((owner, others, 0), (usize::from(here), 1.0), own, rows);
         }
         // Couplings, factors and states have places in the order of the others; sums have none.
@@ -160,9 +161,11 @@ impl<'a, const D: usize, const N: usize> BondSums<'a, D, N> {
             self.fill(owner, others, place, part);
             if let Some(fields) = self.kind.fields_of(law) {
                 let first = self.visit.energy.neighborhood.bonds(owner).start + place;
-                let ends = |lane: usize| [owner, others[lane] as usize].into_iter();
-                let bond = |lane: usize| (ends(lane), first + lane);
-                self.batch.take_fields(fields, Measure::Length, bond);
+                let bond = |(lane, other): (usize, &u32)| {
+                    ([owner, *other as usize].into_iter(), first + lane)
+                };
+                let bonds = others.iter().enumerate().map(bond);
+                self.batch.take_fields(fields, Measure::Length, bonds);
             }
             self.evaluate(element, owner, others)?;
             self.scatter(owner, others, place, own, rows);
@@ -172,22 +175,23 @@ impl<'a, const D: usize, const N: usize> BondSums<'a, D, N> {
     }
 
     fn fill(&mut self, owner: usize, others: &[u32], place: usize, part: f64) {
-        let (positions, _) = self.visit.energy.body.positions().as_chunks::<D>();
-        let (displacements, _) = self.visit.u.as_chunks::<D>();
-        let (rest, eta, weights) = (positions[owner], displacements[owner], &self.kind.weights);
-        let begun = weights.begin(weights.share(owner), &[]);
-        let bond = |lane: usize| {
-            let other = others[lane] as usize;
-            let weight = part * weights.join_last(begun, weights.share(other));
-            (minus(&positions[other], &rest), minus(&displacements[other], &eta), weight)
+        let Visit { energy, u, .. } = self.visit;
+        let weights = &self.kind.weights;
+        let ends = Ends::<D> {
+            positions: energy.body.positions().as_chunks().0,
+            displacements: u.as_chunks().0,
+            weights,
+            owner,
+            begun: weights.begin(weights.share(owner), &[]),
+            part,
         };
         let Some(factors) = &self.kind.factors else {
-            self.batch.fill(others.len(), bond);
+            self.batch.fill(others.len(), |lane| ends.bond(others[lane]));
             return;
         };
-        let first = self.visit.energy.neighborhood.bonds(owner).start + place;
+        let first = energy.neighborhood.bonds(owner).start + place;
         let factors = &factors[first..first + others.len()];
-        self.batch.fill(others.len(), |lane| match (bond(lane), factors[lane]) {
+        self.batch.fill(others.len(), |lane| match (ends.bond(others[lane]), factors[lane]) {
             ((xi, _, _), 0.0) => (xi, [0.0; D], 0.0),
             ((xi, eta, weight), factor) => (xi, eta, weight * factor),
         });
@@ -262,6 +266,29 @@ impl<'a, const D: usize, const N: usize> BondSums<'a, D, N> {
                 *entry = if self.untouched.diagonal { part } else { *entry + part };
             }
         }
+    }
+}
+
+/// The ends of an owner's bonds.
+struct Ends<'a, const D: usize> {
+    positions: &'a [[f64; D]],
+    displacements: &'a [[f64; D]],
+    weights: &'a CliqueWeights,
+    owner: usize,
+    /// The owner's share in the weights.
+    begun: f64,
+    /// Of a law in these bonds.
+    part: f64,
+}
+
+impl<const D: usize> Ends<'_, D> {
+    /// The vector at rest and the relative displacement of the bond to another point, in m, and its weight.
+    #[inline(always)]
+    fn bond(&self, other: u32) -> ([f64; D], [f64; D], f64) {
+        let other = other as usize;
+        let weight = self.part * self.weights.join_last(self.begun, self.weights.share(other));
+        let along = |of: &[[f64; D]]| minus(&of[other], &of[self.owner]);
+        (along(self.positions), along(self.displacements), weight)
     }
 }
 

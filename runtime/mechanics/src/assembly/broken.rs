@@ -169,10 +169,8 @@ impl DiscreteEnergy {
             (minus(&positions[other], &positions[owner]), eta, part * weight)
         });
         if let Some(fields) = kind.fields_of(law) {
-            batch.take_fields(fields, Measure::Length, |k| {
-                let (lane, _) = lanes[k];
-                (ends[lane].into_iter(), bonds[lane])
-            });
+            let bond = |(lane, _): &(usize, f64)| (ends[*lane].into_iter(), bonds[*lane]);
+            batch.take_fields(fields, Measure::Length, lanes.iter().map(bond));
         }
         element.evaluate(batch, Order::Gradient, out).map_err(|lane| {
             let points = ends[lanes[lane.lane].0].to_vec();

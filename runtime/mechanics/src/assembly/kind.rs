@@ -84,7 +84,8 @@ impl Kind {
     pub(super) fn law_of<const D: usize>(&self, cliques: &OwnerCliques<'_, D>) -> Option<usize> {
         let Some(materials) = &self.materials else { return Some(0) };
         let own = materials.of(cliques.owner());
-        let same = cliques.members().iter().all(|member| materials.of(*member as usize) == own);
+        let same = materials.n_laws() == 1
+            || cliques.members().iter().all(|member| materials.of(*member as usize) == own);
         same.then_some(usize::from(own))
     }
 

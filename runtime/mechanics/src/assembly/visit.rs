@@ -160,12 +160,13 @@ impl Visit<'_> {
                     1 => self.energy.neighborhood.bonds(owner).start,
                     _ => fields.0.first_number(measure, owner),
                 };
-                batch.take_fields(fields, measure, |lane| {
-                    let corners = lanes[lane].corners::<K>();
-                    let own = if K == 1 { corners[0] } else { lanes[lane].number as usize };
+                let numbered = |clique: &Clique| {
+                    let corners = clique.corners::<K>();
+                    let own = if K == 1 { corners[0] } else { clique.number as usize };
                     let members = corners.into_iter().map(point);
                     (std::iter::once(owner).chain(members), first + own)
-                });
+                };
+                batch.take_fields(fields, measure, lanes.iter().map(numbered));
             }
             element.evaluate(batch, self.order, out).map_err(|lane| {
                 let points = lanes[lane.lane].corners::<K>();

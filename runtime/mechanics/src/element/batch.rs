@@ -46,26 +46,26 @@ impl InteractionBatch {
     }
 
     /// Takes some fields: the mean over the corners, or what interactions of this measure remember by
-    /// themselves. `interaction(lane)` are its points and its number.
+    /// themselves; of each its points and its number.
     #[inline(always)]
-    pub(crate) fn take_fields<I: Iterator<Item = usize> + Clone>(
+    pub(crate) fn take_fields<I: Iterator<Item = usize>>(
         &mut self,
         (fields, of_law): (&Fields, Range<usize>),
         measure: Measure,
-        interaction: impl Fn(usize) -> (I, usize),
+        interactions: impl Iterator<Item = (I, usize)> + Clone,
     ) {
         self.fields.clear();
-        let (last, padded) = (self.len.saturating_sub(1), self.padded_len());
-        let interaction = |lane: usize| interaction(lane.min(last));
+        let padded = self.padded_len();
         let directions = match measure {
             Measure::Length => fields.directions_in(of_law.clone()),
             // Nothing of triangles and tetrahedra sees it.
             _ => of_law.end..of_law.end,
         };
         let before = of_law.start..directions.start;
-        fields.add_of(measure, before, padded, interaction, &mut self.fields);
+        fields.add_of(measure, before, padded, interactions.clone(), &mut self.fields);
         self.take_directions(directions.len());
-        fields.add_of(measure, directions.end..of_law.end, padded, interaction, &mut self.fields);
+        let behind = directions.end..of_law.end;
+        fields.add_of(measure, behind, padded, interactions, &mut self.fields);
     }
 
     /// Takes so many components of the direction of bonds at rest as fields.

@@ -400,9 +400,8 @@ impl Rules {
         batch.fill(bonds.len(), |lane| (bonds[lane].xi, bonds[lane].eta, 1.0));
         if element.n_fields() > 0 {
             let fields = (&*self.fields, self.fields.of_law(law));
-            batch.take_fields(fields.clone(), Measure::Length, |lane| {
-                (bonds[lane].ends.into_iter(), bonds[lane].bond)
-            });
+            let numbered = bonds.iter().map(|bond| (bond.ends.into_iter(), bond.bond));
+            batch.take_fields(fields.clone(), Measure::Length, numbered);
             batch.take_time_step(fields, element.n_fields(), dt);
         }
         let evaluated = element.evaluate(batch, Order::Energy, out);

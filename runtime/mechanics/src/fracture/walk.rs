@@ -175,10 +175,10 @@ impl<const D: usize> Listed<'_, '_, D> {
         batch.weight[..lanes.len()].fill(1.0);
         let measure = element.measure();
         if let Some(fields) = fields.filter(|_| element.n_fields() > 0) {
-            batch.take_fields(fields.clone(), measure, |lane| {
-                let points = self.points::<K>(&lanes[lane]).into_iter().take(K + 1);
-                (points, self.number(&lanes[lane]))
-            });
+            let numbered = |clique: &Clique| {
+                (self.points::<K>(clique).into_iter().take(K + 1), self.number(clique))
+            };
+            batch.take_fields(fields.clone(), measure, lanes.iter().map(numbered));
             if let Some(dt) = dt {
                 batch.take_time_step(fields, element.n_fields(), dt);
             }

@@ -291,7 +291,42 @@ impl Fields {
                 out.extend((0..n).map(|place| component(body, points(place), axis)));
                 continue;
             }
-            out.extend((0..n).map(|place| self.mean(field, points(place))));
+            self.add_means(field, (0..n).map(&points), out);
+        }
+    }
+
+    /// Adds to `out` the means of a field, of all places in their order: see [`Self::mean`].
+    #[inline(always)]
+    fn add_means<I: Iterator<Item = usize>>(
+        &self,
+        field: usize,
+        places: impl Iterator<Item = I> + Clone,
+        out: &mut Vec<f64>,
+    ) {
+        let values = &self.values[field * self.n_points..][..self.n_points];
+        let value = move |point: usize| f64::from_bits(values[point].load(Ordering::Relaxed));
+        let first = out.len();
+        out.extend(places.clone().map(move |points| {
+            let all = points.map(value);
+            let (sum, n) = all.fold((0.0, 0.0), |(sum, n), value| (sum + value, n + 1.0));
+            sum / n
+        }));
+        // Behind the loop and of all: nearly always every point has a value.
+        if out[first..].iter().fold(false, |misses, mean| misses | mean.is_nan()) {
+            self.complete(field, places, &mut out[first..]);
+        }
+    }
+
+    /// Takes the means of those points that have a value at places where not all have one.
+    #[cold]
+    fn complete<I: Iterator<Item = usize>>(
+        &self,
+        field: usize,
+        places: impl Iterator<Item = I>,
+        means: &mut [f64],
+    ) {
+        for (mean, points) in means.iter_mut().zip(places).filter(|(mean, _)| mean.is_nan()) {
+            *mean = self.mean_of_some(field, points);
         }
     }
 
@@ -306,27 +341,28 @@ impl Fields {
         }
     }
 
-    /// The same of interactions, which have states of their own: their points and their numbers.
+    /// The same of interactions, which have states of their own: their points and their numbers. Places beyond
+    /// the last of them, `n` in all, take what that one takes.
     #[inline(always)]
-    pub(crate) fn add_of<I: Iterator<Item = usize> + Clone>(
+    pub(crate) fn add_of<I: Iterator<Item = usize>>(
         &self,
         measure: Measure,
         fields: Range<usize>,
         n: usize,
-        interaction: impl Fn(usize) -> (I, usize),
+        interactions: impl Iterator<Item = (I, usize)> + Clone,
         out: &mut Vec<f64>,
     ) {
         for field in fields {
+            let (end, interactions) = (out.len() + n, interactions.clone());
             if let Some((axis, body)) = self.along(field) {
-                out.extend((0..n).map(|place| component(body, interaction(place).0, axis)));
-                continue;
+                out.extend(interactions.map(|(points, _)| component(body, points, axis)));
+            } else if let Some(states) = self.states_of(field, measure) {
+                let state = |number: usize| f64::from_bits(states[number].load(Ordering::Relaxed));
+                out.extend(interactions.map(|(_, number)| state(number)));
+            } else {
+                self.add_means(field, interactions.map(|(points, _)| points), out);
             }
-            match self.states_of(field, measure) {
-                Some(states) => out.extend((0..n).map(|place| {
-                    f64::from_bits(states[interaction(place).1].load(Ordering::Relaxed))
-                })),
-                None => out.extend((0..n).map(|place| self.mean(field, interaction(place).0))),
-            }
+            out.resize(end, out.last().copied().unwrap_or(self.typical[field]));
         }
     }
 

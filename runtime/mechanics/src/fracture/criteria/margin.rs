@@ -237,8 +237,8 @@ impl Margins {
             && margin.element.n_fields() > 0
         {
             let of_law = fields.of_law(law);
-            let bond = |lane: usize| (bonds[lane].ends.into_iter(), bonds[lane].bond);
-            batch.take_fields((fields, of_law), Measure::Length, bond);
+            let numbered = bonds.iter().map(|bond| (bond.ends.into_iter(), bond.bond));
+            batch.take_fields((fields, of_law), Measure::Length, numbered);
         }
         let evaluated = margin.element.evaluate(batch, Order::Energy, out);
         evaluated.map_err(|lane| bonds[lane.lane].refused(lane.value, lane.reference, u))?;

@@ -101,7 +101,7 @@ fn compare(
                     compiled: vec![value],
                     expected: vec![expected],
                     tolerance: bar * units[order],
-                    is_wrong: (value - expected).abs() > super::WRONG * expected.abs(),
+                    is_wrong: Miss::is_far_off(value, expected),
                 });
             }
         }

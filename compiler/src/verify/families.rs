@@ -7,7 +7,7 @@
 use super::gathered::{self, Place};
 use super::sample::Random;
 use super::vectors::{self, Places, Seen};
-use super::{Miss, Subject, UNIT_ROUNDOFF, Verification, WRONG, Witness, gradient};
+use super::{Miss, Subject, UNIT_ROUNDOFF, Verification, Witness, gradient};
 use crate::gathered::{
     FamilyKernel, GatheredBatch, GatheredNextState, VectorKernels, WrittenFamily,
     WrittenGatheredEnergy,
@@ -238,7 +238,7 @@ fn compare<W, P: Known<W>>(
                 compiled: vec![value],
                 expected: vec![truth],
                 tolerance: bar * unit,
-                is_wrong: (value - truth).abs() > WRONG * truth.abs(),
+                is_wrong: Miss::is_far_off(value, truth),
             });
         }
     }

@@ -177,11 +177,19 @@ impl Miss {
         compiled.is_finite() && compiled > WRONG && NEARER * dual < compiled
     }
 
+    /// The same of a value that hyper-dual numbers do not tell. What is no number has overflown, and lost all
+    /// digits by that.
+    fn is_far_off(compiled: f64, truth: f64) -> bool {
+        let error = (compiled - truth).abs();
+        error.is_finite() && error > WRONG * truth.abs()
+    }
+
     /// The difference over the size, by the largest components; infinite where a value is no number.
     pub fn relative_error(&self) -> f64 {
         let size = |numbers: &[f64]| numbers.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
         let error = size(&difference(&self.compiled, &self.expected)) / size(&self.expected);
-        if self.compiled.iter().all(|x| x.is_finite()) { error } else { f64::INFINITY }
+        let is_known = self.compiled.iter().chain(&self.expected).all(|x| x.is_finite());
+        if is_known { error } else { f64::INFINITY }
     }
 
     /// How many decimal digits are right, of 16.

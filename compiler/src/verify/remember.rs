@@ -110,7 +110,7 @@ fn compare(
                 compiled: vec![value],
                 expected: vec![truth],
                 tolerance: bar * unit,
-                is_wrong: (value - truth).abs() > super::WRONG * truth.abs(),
+                is_wrong: Miss::is_far_off(value, truth),
             });
         }
     }

@@ -1,6 +1,6 @@
 //! Derivatives of the Seth-Hill family and of one energy per function, against hyper-dual numbers.
 
-use super::{Outcome, verify};
+use super::{Miss, Outcome, verify};
 use crate::expression::Function;
 use crate::measure::Measure;
 use crate::print::text;
@@ -240,6 +240,25 @@ fn a_value_that_is_no_number_is_found() {
             "{x} {y}"
         );
     }
+}
+
+#[test]
+fn what_overflows_has_no_digits_left_and_is_not_wrong() {
+    let miss = |compiled: f64, expected: f64| Miss {
+        place: vec![2.0, 1.0],
+        order: 0,
+        compiled: vec![compiled],
+        expected: vec![expected],
+        tolerance: 0.0,
+        is_wrong: Miss::is_far_off(compiled, expected),
+    };
+    for [compiled, expected] in [[f64::INFINITY, 1e300], [f64::NAN, 1.0], [1e300, f64::INFINITY]] {
+        let miss = miss(compiled, expected);
+        assert!(!miss.is_wrong, "{compiled} for {expected}");
+        assert_eq!((miss.relative_error(), miss.digits()), (f64::INFINITY, 0.0));
+    }
+    assert!(miss(1.00001, 1.0).is_wrong && miss(1.0, 0.0).is_wrong);
+    assert!(!miss(1.0000001, 1.0).is_wrong);
 }
 
 #[test]

@@ -162,7 +162,8 @@ pub const fn packed_len(size: usize) -> usize {
 }
 
 /// `number(0), number(1), ..`. Unlike the standard library's functions it always becomes part of its
-/// caller, and only so do the numbers of a vector register stay in registers.
+/// caller, and only so do the numbers of a vector register stay in registers. It calls `number` from two places:
+/// what is longer than a line or two may then be a function of its own, and goes in a loop where it counts.
 #[inline(always)]
 pub(crate) fn each<T: Copy, const N: usize>(number: impl Fn(usize) -> T) -> [T; N] {
     let mut all = [number(0); N];

@@ -313,14 +313,13 @@ impl Group<'_> {
             for register in 0..WIDEST / Lanes::<S>::WIDTH {
                 let inside = Lanes::load(simd, &bond.inside, register);
                 // Beyond the owners that have it there is the bond at rest, without weight.
-                let eta: [Lanes<S>; D] = each(|axis| {
+                let mut now = [inside; D];
+                for axis in 0..D {
                     let u = &axes.displacement[axis * axes.stride..][..axes.stride];
                     let at = |place: usize| Lanes::load(simd, &u[place..], register);
-                    (at(place(other)) - at(own)) * inside
-                });
-                let now: [Lanes<S>; D] = each(|axis| Lanes::splat(simd, rest[axis]) + eta[axis]);
-                for axis in 0..D {
-                    eta[axis].store(&mut bond.eta[axis], register);
+                    let eta = (at(place(other)) - at(own)) * inside;
+                    eta.store(&mut bond.eta[axis], register);
+                    now[axis] = Lanes::splat(simd, rest[axis]) + eta;
                     now[axis].store(&mut bond.now[axis], register);
                 }
                 dot(&now, &now).store(&mut bond.square, register);

@@ -311,7 +311,7 @@ impl Fields {
             let (sum, n) = all.fold((0.0, 0.0), |(sum, n), value| (sum + value, n + 1.0));
             sum / n
         }));
-        // Behind the loop and of all: nearly always every point has a value.
+        // Of all at once, behind the loop: nearly always every point has a value.
         if out[first..].iter().fold(false, |misses, mean| misses | mean.is_nan()) {
             self.complete(field, places, &mut out[first..]);
         }

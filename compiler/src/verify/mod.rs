@@ -177,7 +177,7 @@ impl Miss {
         compiled.is_finite() && compiled > WRONG && NEARER * dual < compiled
     }
 
-    /// The same of a value that hyper-dual numbers do not tell. What is no number has overflown, and lost all
+    /// The same of a value that hyper-dual numbers do not tell. What is no number has overflowed, and lost all
     /// digits by that.
     fn is_far_off(compiled: f64, truth: f64) -> bool {
         let error = (compiled - truth).abs();

@@ -1,4 +1,6 @@
-//! Forces of bonds alone, and products with their Hessian, against loops by hand.
+//! Forces of bonds, triangles and tetrahedra alone, and products with the Hessian of bonds, against loops by hand.
+
+mod cliques;
 
 use std::sync::Arc;
 
@@ -35,15 +37,7 @@ pub(crate) fn run() -> Vec<Table> {
         ["ours, ns", "stored, ns"],
         Division::OursByTheirs,
     );
-    let mut of_triangles = Table::of_ratios(
-        "triangle-forces",
-        "Forces of triangles alone, from displacements, per triangle, psi = 1/2 A (a/A - 1)^2, 24^3 points, horizon 3; \
-         runs in turn. Theirs: a scalar loop by hand over a list of the same triangles with their areas at rest.",
-        ["ours, ns", "by hand, ns"],
-        Division::OursByTheirs,
-    );
     with_threads(1, || {
-        triangles(&mut of_triangles);
         for points in [14, 40] {
             let [true_bar, modified_bar] = match points {
                 40 => [Bar::AtMost(0.5, 0.3), Bar::AtMost(0.6, 0.4)],
@@ -58,11 +52,12 @@ pub(crate) fn run() -> Vec<Table> {
             multiply(&mut products, name, &SethHill::new(n));
         }
     });
-    vec![forces, of_triangles, products]
+    let [of_triangles, of_tetrahedra] = with_threads(1, cliques::run);
+    vec![forces, of_triangles, of_tetrahedra, products]
 }
 
 /// In runs, and in batches of the same kernels.
-fn both_ways(law: &SethHill, body: &Arc<Body>, measure: Measure) -> [DiscreteEnergy; 2] {
+pub(crate) fn both_ways(law: &SethHill, body: &Arc<Body>, measure: Measure) -> [DiscreteEnergy; 2] {
     [Level::Fast, Level::Strict].map(|level| {
         discrete(body, HORIZON, Weights::Unit, &[measure], |measure| {
             Box::new(MeasureElement::new(measure, 3, Box::new(law.kernel_at(level, measure))))
@@ -208,104 +203,4 @@ fn multiply(table: &mut Table, name: &str, law: &SethHill) {
     let of = Statistic::Least(ROUNDS);
     table.ratio(format!("{name}, in runs"), [runs, theirs], of, Bar::None);
     table.ratio(format!("{name}, in batches"), [batches, theirs], of, Bar::None);
-}
-
-/// Triangles with their areas at rest.
-struct Triangles {
-    positions: Vec<[f64; 3]>,
-    corners: Vec<[u32; 3]>,
-    areas: Vec<f64>,
-}
-
-fn minus(p: &[f64; 3], q: &[f64; 3]) -> [f64; 3] {
-    [p[0] - q[0], p[1] - q[1], p[2] - q[2]]
-}
-
-fn plus(p: &[f64; 3], q: &[f64; 3]) -> [f64; 3] {
-    [p[0] + q[0], p[1] + q[1], p[2] + q[2]]
-}
-
-fn cross(p: &[f64; 3], q: &[f64; 3]) -> [f64; 3] {
-    [p[1] * q[2] - p[2] * q[1], p[2] * q[0] - p[0] * q[2], p[0] * q[1] - p[1] * q[0]]
-}
-
-fn dot(p: &[f64; 3], q: &[f64; 3]) -> f64 {
-    p[0] * q[0] + p[1] * q[1] + p[2] * q[2]
-}
-
-impl Triangles {
-    fn new(body: &Body) -> Triangles {
-        let lists = Neighborhood::new(body, HORIZON).expect("a cube has neighbours");
-        let positions = body.positions().as_chunks::<3>().0.to_vec();
-        let mut all = Triangles { positions, corners: Vec::new(), areas: Vec::new() };
-        for i in 0..body.n_points() {
-            for (place, j) in lists.upper(i).iter().enumerate() {
-                for k in lists.upper(i).iter().skip(place + 1) {
-                    if lists.row(j as usize).contains(k) {
-                        let [x, y, z] = [i, j as usize, k as usize].map(|p| all.positions[p]);
-                        let normal = cross(&minus(&y, &x), &minus(&z, &x));
-                        // On a lattice of unit spacing.
-                        if dot(&normal, &normal) > 0.5 {
-                            all.corners.push([i as u32, j, k]);
-                            all.areas.push(dot(&normal, &normal).sqrt());
-                        }
-                    }
-                }
-            }
-        }
-        all
-    }
-
-    fn forces(&self, u: &[[f64; 3]], out: &mut [[f64; 3]]) {
-        out.fill([0.0; 3]);
-        for (&[i, j, k], &area) in self.corners.iter().zip(&self.areas) {
-            let [i, j, k] = [i, j, k].map(|point| point as usize);
-            let x = &self.positions;
-            let (xi1, xi2) = (minus(&x[j], &x[i]), minus(&x[k], &x[i]));
-            let (eta1, eta2) = (minus(&u[j], &u[i]), minus(&u[k], &u[i]));
-            let (x1, x2) = (plus(&xi1, &eta1), plus(&xi2, &eta2));
-            let at_rest = cross(&xi1, &xi2);
-            let change = plus(&cross(&xi1, &eta2), &cross(&eta1, &x2));
-            let normal = plus(&at_rest, &change);
-            let grown = dot(&change, &plus(&normal, &at_rest));
-            let now = dot(&normal, &normal).sqrt();
-            let pull = grown / (area * (now + area) * now);
-            let scaled = normal.map(|x| pull * x);
-            let (p, q) = (cross(&x2, &scaled), cross(&scaled, &x1));
-            for axis in 0..3 {
-                out[j][axis] += p[axis];
-                out[k][axis] += q[axis];
-                out[i][axis] -= p[axis] + q[axis];
-            }
-        }
-    }
-}
-
-fn triangles(table: &mut Table) {
-    let body = cube(24);
-    let [on_rows, in_batches] = both_ways(&SethHill::new(1.0), &body, Measure::Area);
-    let u = displacement(&body);
-    let list = Triangles::new(&body);
-    assert_eq!(list.corners.len() as u64, on_rows.report().triangles);
-    let mut theirs = vec![[0.0; 3]; u.len() / 3];
-    let mut ours = [vec![0.0; u.len()], vec![0.0; u.len()]];
-    let [first, second] = &mut ours;
-    let forces = |energy: &DiscreteEnergy, out: &mut [f64]| {
-        energy.evaluate(&u, Wanted::Forces(out), &mut []).expect("all is finite");
-    };
-    let times = in_turn(
-        ROUNDS,
-        Clock::Wall,
-        [&mut || forces(&on_rows, first), &mut || forces(&in_batches, second), &mut || {
-            list.forces(u.as_chunks::<3>().0, &mut theirs)
-        }],
-    );
-    for ours in &ours {
-        assert_close("triangles", ours, theirs.as_flattened());
-    }
-    let count = list.corners.len() as f64;
-    let [rows, batches, theirs] = times.map(|times| times.least() / count * 1e9);
-    let of = Statistic::Least(ROUNDS);
-    table.ratio("owners abreast", [rows, theirs], of, Bar::AtMost(0.5, 0.25));
-    table.ratio("in batches", [batches, theirs], of, Bar::None);
 }

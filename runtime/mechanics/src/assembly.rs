@@ -299,11 +299,12 @@ impl DiscreteEnergy {
     }
 
     /// The measures whose forces go along the rows of a lattice, without neighbour lists and kernels:
-    /// bonds and triangles whose law is affine in the measure or in its square.
+    /// those whose law is affine in the measure or in its square.
     pub fn along_rows(&self) -> Vec<Measure> {
-        let OnLattice { bonds, triangles } = &self.on_lattice;
-        let bonds = bonds.as_ref().map(|_| Measure::Length);
-        bonds.into_iter().chain(triangles.as_ref().map(|_| Measure::Area)).collect()
+        let OnLattice { bonds, triangles, tetrahedra } = &self.on_lattice;
+        let are_on_rows = [bonds.is_some(), triangles.is_some(), tetrahedra.is_some()];
+        let all = Measure::ALL.into_iter().zip(are_on_rows);
+        all.filter(|(_, are)| *are).map(|(measure, _)| measure).collect()
     }
 
     /// The kind of interaction whose measure has a sign, if it is modelled.

@@ -323,7 +323,9 @@ fn what_is_left_is_the_sum_over_cliques_that_are_left() {
             assert!(energy.can_lose_bonds());
             // At the strict level nothing goes along rows.
             let goes_along_rows = body.spacing().is_some() && level == Level::Fast;
-            assert_eq!(energy.along_rows().contains(&Measure::Area), goes_along_rows);
+            for measure in &Measure::ALL[1..body.dimension()] {
+                assert_eq!(energy.along_rows().contains(measure), goes_along_rows);
+            }
             let mut of = Reference::new(body, *horizon, with_bonds);
             let ranks = ranks(body, &of.neighborhood);
             for (ranks, all) in ranks.iter().zip(&of.all[1..body.dimension()]) {

@@ -28,6 +28,8 @@ const BOND: &str = "potential p\nparameter C, C > 0\nparameter b = 0.3\npsi(l) =
 const CURVED: &str =
     "potential p\nparameter C\nparameter b = 0.3\npsi(l) = C*L*ln(l/L)^2 + b*L*(l/L - 1)^2";
 const AREAS: &str = "potential p\nparameter C\npsi(l) = C*L*(l/L - 1)^2\npsi(a) = C*A*(a/A - 1)^2";
+const VOLUMES: &str =
+    "potential p\nparameter C\npsi(l) = C*L*(l/L - 1)^2\npsi(v) = C*V*(v/V - 1)^2";
 const CLIQUES: &str = "potential p\nparameter C\nparameter b = 0.3\npsi(l) = C*L*(l/L - 1)^2\n\
      psi(a) = C*A*(a/A - 1)^2\npsi(v) = (C + b)*V*(v/V - 1)^2";
 const PLANE: &str =
@@ -73,7 +75,7 @@ const BONDS: &str = "[correspondence]\ndiscretisation = \"bond-quadrature\"\n";
 const SHEET: &str = "[correspondence]\nplane = \"stress\"\ndiscretisation = \"nodal\"\n";
 
 #[rustfmt::skip]
-const KINDS: [Kind; 19] = [
+const KINDS: [Kind; 20] = [
     Kind { name: "vectors", dimension: 2, potential: VECTORS, parameters: only, further: "", is_mean: false, is_large: false },
     Kind { name: "directed beside states", dimension: 2, potential: DIRECTED_BESIDE, parameters: only, further: "", is_mean: false, is_large: true },
     Kind { name: "directed rows", dimension: 3, potential: DIRECTED, parameters: only, further: "", is_mean: true, is_large: true },
@@ -81,6 +83,7 @@ const KINDS: [Kind; 19] = [
     Kind { name: "directed integrands", dimension: 2, potential: DIRECTED_INTEGRANDS, parameters: only, further: "", is_mean: false, is_large: false },
     Kind { name: "space", dimension: 3, potential: AREAS, parameters: only, further: "", is_mean: true, is_large: true },
     Kind { name: "affine areas", dimension: 2, potential: AREAS, parameters: only, further: "", is_mean: true, is_large: true },
+    Kind { name: "affine volumes", dimension: 3, potential: VOLUMES, parameters: only, further: "", is_mean: true, is_large: true },
     Kind { name: "rows", dimension: 3, potential: BOND, parameters: only, further: "", is_mean: true, is_large: false },
     Kind { name: "plane rows", dimension: 2, potential: BOND, parameters: only, further: "", is_mean: true, is_large: true },
     Kind { name: "batches", dimension: 2, potential: CURVED, parameters: only, further: "", is_mean: true, is_large: false },
@@ -282,7 +285,7 @@ fn multiples_of_a_field_go_along_rows() {
         let case = Kind { is_large: true, ..*kind }.of(value);
         case.energy(case.compile().unwrap()).unwrap().report().ways
     };
-    for name in ["rows", "plane rows", "affine areas"] {
+    for name in ["rows", "plane rows", "affine areas", "affine volumes"] {
         assert_eq!(ways(name, "2.0"), ["rows"], "{name}");
         assert_eq!(ways(name, "\"2 + X\""), ["rows"], "{name}");
         assert_eq!(ways(name, "\"2 + t\""), ["batches"], "{name}");

@@ -1,4 +1,4 @@
-//! Bonds and triangles along the rows of lattices: the same energies, forces and products as in batches
+//! Bonds, triangles and tetrahedra along the rows of lattices: the same energies, forces and products as in batches
 //! of kernels.
 
 use std::sync::Arc;
@@ -48,18 +48,28 @@ fn laws(psi: &str, level: Level, d: usize) -> Laws {
 }
 
 fn laws_at(psi: &str, level: Level, d: usize, horizon: f64) -> Laws {
-    let text = format!("potential p\npsi(l) = {psi}\npsi(a) = 20*A*(a/A - 1)^2\n");
+    let volumes = if d == 3 { "psi(v) = 30*V*(v/V - 1)^2 + 0.1*v" } else { "" };
+    let text = format!("potential p\npsi(l) = {psi}\npsi(a) = 20*A*(a/A - 1)^2\n{volumes}\n");
     let (_, model) = check_text(&text).unwrap();
     let settings: [(String, Setting); 0] = [];
     let values = model.values(d, &settings, Some(horizon)).unwrap();
     let compiled = model.compile(&values, Mode::Jit(level), Form::Accurate).unwrap();
     let mut laws = Laws::default();
     for kernel in compiled.kernels {
-        let of_bonds = kernel.measure() == Measure::Length;
+        let slot = match kernel.measure() {
+            Measure::Length => &mut laws.bond,
+            Measure::Area => &mut laws.triangle,
+            Measure::Volume => &mut laws.tetrahedron,
+        };
         let law: Box<dyn Law> = Box::new(kernel);
-        *(if of_bonds { &mut laws.bond } else { &mut laws.triangle }) = Some(law);
+        *slot = Some(law);
     }
     laws
+}
+
+/// The measures of a body's laws.
+fn measures(body: &Body) -> &'static [Measure] {
+    &Measure::ALL[..body.dimension()]
 }
 
 fn energy(body: &Arc<Body>, psi: &str, level: Level, weights: Weights) -> DiscreteEnergy {
@@ -76,12 +86,13 @@ struct State {
 }
 
 fn state(energy: &DiscreteEnergy, u: &[f64]) -> State {
-    let (mut parts, mut forces) = (vec![0.0; 2], vec![f64::NAN; u.len()]);
+    let nothing = vec![0.0; energy.parts().len()];
+    let (mut parts, mut forces) = (nothing.clone(), vec![f64::NAN; u.len()]);
     let mut tangent = BlockMatrix::zeros(energy.pattern());
     energy.evaluate(u, Wanted::Tangent(&mut forces, &mut tangent), &mut parts).unwrap();
     // All passes agree to the last bit.
     let mut others = [vec![f64::NAN; u.len()], vec![f64::NAN; u.len()]];
-    let mut found = [vec![0.0; 2], vec![0.0; 2]];
+    let mut found = [nothing.clone(), nothing];
     energy.evaluate(u, Wanted::Energy, &mut found[0]).unwrap();
     energy.evaluate(u, Wanted::Forces(&mut others[0]), &mut found[1]).unwrap();
     energy.evaluate(u, Wanted::Forces(&mut others[1]), &mut []).unwrap();
@@ -102,7 +113,7 @@ fn runs_give_what_batches_give() {
             for psi in [TRUE, MODIFIED] {
                 let of = |level| energy(&body, psi, level, weights);
                 let (runs, batches) = (of(Level::Fast), of(Level::Strict));
-                assert_eq!(runs.along_rows(), [Measure::Length, Measure::Area]);
+                assert_eq!(runs.along_rows(), measures(&body));
                 assert_eq!(batches.along_rows(), []);
                 for strain in [0.3, 1e-3] {
                     let u = displacements(&body, strain, 5);
@@ -166,7 +177,11 @@ fn fours_know_of_corrections() {
         for surface in [Surface::Energy, Surface::Directional] {
             let weighting = Weighting { surface, ..Weighting::from(Weights::Volumes) };
             let of = |level| {
-                let laws = Laws { triangle: None, ..laws(BARE[0], level, counts.len()) };
+                let laws = Laws {
+                    triangle: None,
+                    tetrahedron: None,
+                    ..laws(BARE[0], level, counts.len())
+                };
                 let (body, horizon) = (Arc::clone(&body), 2.2 * SPACING);
                 DiscreteEnergy::new(body, horizon, weighting, laws).unwrap()
             };
@@ -211,7 +226,7 @@ fn the_unit_of_length_does_not_matter() {
             DiscreteEnergy::new(Arc::clone(&body), 2.2 * spacing, Weights::Unit, laws).unwrap()
         };
         let (rows, batches) = (of(Level::Fast), of(Level::Strict));
-        assert_eq!(rows.along_rows(), [Measure::Length, Measure::Area]);
+        assert_eq!(rows.along_rows(), measures(&body));
         let u = scaled(&displacements(at_rest, 0.1, 6));
         let (found, expected) = (state(&rows, &u), state(&batches, &u));
         for (found, expected) in [
@@ -243,7 +258,11 @@ fn products_are_those_of_the_tangent() {
             assert!(error < 1e-13, "{psi}: {error:e}");
             // Solvers take products of the stored tangent where there are triangles.
             assert!(!energy.has_quick_products());
-            let laws = Laws { triangle: None, ..laws(psi, Level::Fast, body.dimension()) };
+            let laws = Laws {
+                triangle: None,
+                tetrahedron: None,
+                ..laws(psi, Level::Fast, body.dimension())
+            };
             let horizon = 2.2 * SPACING;
             let bonds = DiscreteEnergy::new(Arc::clone(&body), horizon, Weights::Unit, laws);
             assert!(bonds.unwrap().has_quick_products());

@@ -1,13 +1,17 @@
 //! What of the interactions of a lattice goes along its rows, without neighbour lists and kernels.
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use super::DiscreteEnergy;
-use super::abreast::{AbreastRoom, TriangleRuns};
+use super::abreast::AbreastRoom;
+use super::abreast::tetrahedra::TetrahedronRuns;
+use super::abreast::triangles::TriangleRuns;
 use super::axes::{Axes, Wanted};
 use super::kind::Kind;
 use super::runs::BondRuns;
 use super::sum::Sum;
+use crate::interaction::Bits;
 use crate::interaction::runs::Runs;
 use crate::materials::Materials;
 
@@ -16,6 +20,7 @@ use crate::materials::Materials;
 pub(super) struct OnLattice {
     pub(super) bonds: Option<BondRuns>,
     pub(super) triangles: Option<TriangleRuns>,
+    pub(super) tetrahedra: Option<TetrahedronRuns>,
 }
 
 /// Energies of what went so.
@@ -31,14 +36,15 @@ impl OnLattice {
         let is_affine = |kind: &&Kind| kind.is_affine();
         let bonds = energy.bonds.as_ref().filter(is_affine);
         let triangles = energy.triangles.as_ref().filter(is_affine);
-        if bonds.is_none() && triangles.is_none() {
+        let tetrahedra = energy.tetrahedra.as_ref().filter(is_affine);
+        let mut kinds = [bonds, triangles, tetrahedra].into_iter().flatten().peekable();
+        if kinds.peek().is_none() {
             return OnLattice::default();
         }
         let Some(runs) = Runs::new(&energy.body, &energy.neighborhood, &energy.slabs) else {
             return OnLattice::default();
         };
         let shape = (energy.body.dimension(), energy.neighborhood.horizon());
-        let kinds = [bonds, triangles].into_iter().flatten();
         let several = |materials: &&Arc<Materials>| materials.n_laws() > 1;
         let mut materials = kinds.filter_map(|kind| kind.materials.as_ref());
         let runs = match materials.find(several) {
@@ -47,20 +53,31 @@ impl OnLattice {
         };
         let Some(runs) = runs.map(Arc::new) else { return OnLattice::default() };
         let around = (&*energy.body, &*energy.neighborhood);
-        let of_triangles = |kind| TriangleRuns::new(&runs, kind, shape, energy.degeneracy);
+        let degeneracy = energy.degeneracy;
+        let of_triangles = |kind| TriangleRuns::new(&runs, kind, shape, degeneracy);
+        let of_tetrahedra = |kind| TetrahedronRuns::new(&runs, kind, shape.1, degeneracy);
         OnLattice {
             bonds: bonds.and_then(|kind| BondRuns::new(&runs, kind, around)),
             triangles: triangles.and_then(of_triangles),
+            tetrahedra: tetrahedra.and_then(of_tetrahedra),
         }
     }
 
     /// Whether something goes so.
     pub(super) fn is_empty(&self) -> bool {
-        self.bonds.is_none() && self.triangles.is_none()
+        self.bonds.is_none() && self.triangles.is_none() && self.tetrahedra.is_none()
     }
 
-    /// Adds up what a slab has, in `axes`; nothing where some of it is not finite, or has lost digits:
-    /// then all goes as on clouds, which names or repairs it. Of products there are those of bonds.
+    /// How many vectors the bonds of what goes abreast have.
+    pub(super) fn vectors_abreast<const D: usize>(&self) -> usize {
+        let triangles = self.triangles.as_ref().map(TriangleRuns::n_vectors::<D>);
+        let tetrahedra = self.tetrahedra.as_ref().map(TetrahedronRuns::n_vectors);
+        triangles.or(tetrahedra).unwrap_or(0)
+    }
+
+    /// Adds up what bonds and triangles of a slab have, in `axes`; nothing where some of it is not finite,
+    /// or has lost digits: then all goes as on clouds, which names or repairs it. Of products there are
+    /// those of bonds.
     pub(super) fn add<const D: usize>(
         &self,
         energy: &DiscreteEnergy,
@@ -69,7 +86,8 @@ impl OnLattice {
         wanted: Wanted,
         (axes, abreast): (&mut Axes, &mut AbreastRoom<D>),
     ) -> Option<OnLatticeSums> {
-        if self.is_empty() || p.is_some() && self.bonds.is_none() {
+        let nothing = self.bonds.is_none() && (p.is_some() || self.triangles.is_none());
+        if nothing {
             return None;
         }
         axes.set::<D>(energy, slab, u, p);
@@ -78,10 +96,33 @@ impl OnLattice {
             sums.bonds = Some(bonds.add::<D>(wanted, axes)?);
         }
         if let Some(triangles) = self.triangles.as_ref().filter(|_| wanted != Wanted::Product) {
-            let owners = energy.slabs.owners(slab);
-            let rest = energy.lost.as_ref().map(|lost| lost.owners());
-            sums.triangles = Some(triangles.add::<D>((owners, rest), wanted, axes, abreast)?);
+            let owners = owners(energy, slab, wanted);
+            sums.triangles = Some(triangles.add::<D>(owners, axes, abreast)?);
         }
         Some(sums)
     }
+
+    /// The same for tetrahedra.
+    pub(super) fn add_tetrahedra(
+        &self,
+        energy: &DiscreteEnergy,
+        slab: usize,
+        u: &[f64],
+        wanted: Wanted,
+        (axes, abreast): (&mut Axes, &mut AbreastRoom<3>),
+    ) -> Option<Sum> {
+        let tetrahedra = self.tetrahedra.as_ref()?;
+        axes.set::<3>(energy, slab, u, None);
+        tetrahedra.add(owners(energy, slab, wanted), axes, abreast)
+    }
+}
+
+/// What is wanted of the owners of a slab but for those that have lost interactions.
+fn owners(
+    energy: &DiscreteEnergy,
+    slab: usize,
+    wanted: Wanted,
+) -> (Range<usize>, Option<&Bits>, Wanted) {
+    let rest = energy.lost.as_ref().map(|lost| lost.owners());
+    (energy.slabs.owners(slab), rest, wanted)
 }

@@ -94,7 +94,7 @@ impl<'a> AffineLaw<'a> {
 
 /// The same in every lane of a register.
 pub(super) struct Quadratics<S: Simd> {
-    reference: Lanes<S>,
+    pub(super) reference: Lanes<S>,
     rest: Lanes<S>,
     linear: Lanes<S>,
     bent: Lanes<S>,

@@ -92,7 +92,7 @@ impl<const D: usize> Room<D> {
             gathered: energy.kinds().map(|kind| kind.map(|kind| Gathered::new(kind, members))),
             bonds: energy.bonds.as_ref().map(|kind| BondRoom::new(energy, kind)),
             axes: if on_lattice.is_empty() { Axes::default() } else { Axes::new(energy) },
-            abreast: AbreastRoom::new(on_lattice.triangles.as_ref()),
+            abreast: AbreastRoom::new(on_lattice.vectors_abreast::<D>()),
             fours: FoursRoom::default(),
             pairs: PairNumbers::with_capacity(of_tetrahedra),
             by_pairs: TetrahedronSums::with_capacity(of_tetrahedra),
@@ -144,14 +144,30 @@ impl<'a> SlabTask<'a> {
     ) -> Result<SlabEnergy, NonFinite> {
         let visit = Visit { energy, slab: self.slab, order, u, only: None };
         let mut total = self.bonds_and_triangles(visit, room)?;
-        let Room { cliques, gathered: [_, _, gathered], pairs, by_pairs, sums, .. } = room;
-        if let (Some(kind), Some(gathered)) = (&energy.tetrahedra, gathered) {
-            let (rows, sum) = (&mut self.rows, Sum::default());
-            let mut sink = TetrahedronRows { kind, order, pairs, by_pairs, sums, rows, sum };
-            visit.run(kind, (cliques, gathered), &mut sink)?;
-            total.tetrahedra = sink.sum;
+        if let Some(kind) = &energy.tetrahedra {
+            total.tetrahedra = self.tetrahedra(visit, kind, room)?;
         }
         Ok(total)
+    }
+
+    fn tetrahedra(
+        &mut self,
+        visit: Visit<'_>,
+        kind: &Kind,
+        room: &mut Room<3>,
+    ) -> Result<Sum, NonFinite> {
+        let known = visit.tetrahedra_abreast(room, &mut self.rows);
+        let left = Left::new(visit, known.is_some());
+        let sum = known.unwrap_or_default();
+        let Room { cliques, gathered: [_, _, gathered], pairs, by_pairs, sums, .. } = room;
+        let Some(gathered) = gathered.as_mut().filter(|_| !left.is_nothing()) else {
+            return Ok(sum);
+        };
+        let (rows, added, is_own) = (&mut self.rows, Added::new(visit.order), true);
+        let mut sink =
+            TetrahedronRows { kind, left, added, is_own, pairs, by_pairs, sums, rows, sum };
+        Visit { only: left.only(), ..visit }.run(kind, (cliques, gathered), &mut sink)?;
+        Ok(sink.sum)
     }
 
     fn bonds_and_triangles<const D: usize>(
@@ -162,7 +178,6 @@ impl<'a> SlabTask<'a> {
         let untouched = self.untouched(visit.energy);
         let (energy, rows) = (visit.energy, &mut self.rows);
         let mut total = SlabEnergy::default();
-        let order = visit.order;
         let mut known = visit.on_lattice::<D>(room, rows);
         if known.bonds.is_none() {
             known.bonds = visit.in_fours::<D>(&mut room.fours, rows);
@@ -178,20 +193,13 @@ impl<'a> SlabTask<'a> {
         }
         let Room { cliques, gathered: [_, gathered, _], sums, .. } = room;
         if let (Some(kind), Some(gathered)) = (&energy.triangles, gathered) {
-            // Owners whose triangles are no longer all there have not gone abreast.
-            let rest = energy.lost.as_ref().map(|lost| lost.owners());
-            let rest = rest.filter(|rest| rest.have_any(energy.slabs.owners(visit.slab)));
-            let is_known = known.triangles.is_some();
-            let added = Added::new(order);
-            if added.blocks || !is_known || rest.is_some() {
-                let sum = known.triangles.unwrap_or_default();
-                let mut sink =
-                    TriangleRows { order, added, is_known, rest, sums, rows, is_own: true, sum };
-                let only = rest.filter(|_| is_known && !added.blocks);
-                Visit { only, ..visit }.run(kind, (cliques, gathered), &mut sink)?;
+            let left = Left::new(visit, known.triangles.is_some());
+            total.triangles = known.triangles.unwrap_or_default();
+            if !left.is_nothing() {
+                let (added, is_own, sum) = (Added::new(visit.order), true, total.triangles);
+                let mut sink = TriangleRows { left, added, is_own, sums, rows, sum };
+                Visit { only: left.only(), ..visit }.run(kind, (cliques, gathered), &mut sink)?;
                 total.triangles = sink.sum;
-            } else {
-                total.triangles = known.triangles.unwrap_or_default();
             }
         }
         Ok(total)
@@ -221,6 +229,18 @@ impl Visit<'_> {
             axes.each::<D>(|point, part| rows.add_gradient(point, part));
         }
         known.unwrap_or_default()
+    }
+
+    /// The same for tetrahedra.
+    fn tetrahedra_abreast(&self, room: &mut Room<3>, rows: &mut Rows<'_>) -> Option<Sum> {
+        let Room { axes, abreast, .. } = room;
+        let (energy, wanted) = (self.energy, Wanted::Order(self.order));
+        let lattice = &energy.on_lattice;
+        let sum = lattice.add_tetrahedra(energy, self.slab, self.u, wanted, (axes, abreast))?;
+        if wanted.has_forces() {
+            axes.each::<3>(|point, part| rows.add_gradient(point, part));
+        }
+        Some(sum)
     }
 }
 
@@ -257,31 +277,61 @@ fn bonds<const D: usize>(
     Ok(known.unwrap_or(sum))
 }
 
-/// Triangles on their way into the rows of their points.
-struct TriangleRows<'a, 'r, const D: usize> {
+/// What is left to a visit of owners where some have gone abreast.
+#[derive(Clone, Copy)]
+struct Left<'a> {
     order: Order,
-    added: Added,
     /// Whether forces and energies are known of all owners but the `rest`.
     is_known: bool,
+    /// Owners whose interactions are no longer all there.
     rest: Option<&'a Bits>,
+}
+
+impl<'a> Left<'a> {
+    fn new(visit: Visit<'a>, is_known: bool) -> Left<'a> {
+        let rest = visit.energy.lost.as_ref().map(|lost| lost.owners());
+        let rest = rest.filter(|rest| rest.have_any(visit.energy.slabs.owners(visit.slab)));
+        Left { order: visit.order, is_known, rest }
+    }
+
+    /// Whether no owner need be visited.
+    fn is_nothing(&self) -> bool {
+        self.is_known && self.order != Order::Tangent && self.rest.is_none()
+    }
+
+    /// The owners to visit, where these are not all.
+    fn only(&self) -> Option<&'a Bits> {
+        self.rest.filter(|_| self.is_known && self.order != Order::Tangent)
+    }
+
+    /// Whether the forces and energies of an owner are left, and what is to be added for it.
+    fn of(&self, owner: usize) -> (bool, Added) {
+        let is_own = !self.is_known || self.rest.is_some_and(|rest| rest.has(owner));
+        let all = Added::new(self.order);
+        (is_own, Added { forces: is_own && all.forces, ..all })
+    }
+}
+
+/// Triangles on their way into the rows of their points.
+struct TriangleRows<'a, 'r, const D: usize> {
+    left: Left<'a>,
+    /// Of the owner.
+    added: Added,
+    is_own: bool,
     sums: &'a mut OwnerSums<D>,
     rows: &'a mut Rows<'r>,
-    /// Whether the owner's forces and energies count.
-    is_own: bool,
     sum: Sum,
 }
 
 impl<const D: usize> Sink<D, 2> for TriangleRows<'_, '_, D> {
     fn begin(&mut self, cliques: &OwnerCliques<'_, D>, _: &mut Gathered<D>) -> bool {
-        let owner = cliques.owner();
-        self.is_own = !self.is_known || self.rest.is_some_and(|rest| rest.has(owner));
-        self.added.forces = self.is_own && Added::new(self.order).forces;
+        (self.is_own, self.added) = self.left.of(cliques.owner());
         self.sums.reset(self.added, cliques.members().len(), 0);
         true
     }
 
     fn take(&mut self, cliques: &OwnerCliques<'_, D>, batch: &[Clique], out: &mut Contributions) {
-        if self.order.has_energy() && self.is_own {
+        if self.left.order.has_energy() && self.is_own {
             self.sum.add(out.energies(batch.len()));
         }
         self.sums.add_triangles(batch, out, self.added, cliques, self.rows);
@@ -295,7 +345,10 @@ impl<const D: usize> Sink<D, 2> for TriangleRows<'_, '_, D> {
 /// Tetrahedra on their way into the rows of their points.
 struct TetrahedronRows<'a, 'r> {
     kind: &'a Kind,
-    order: Order,
+    left: Left<'a>,
+    /// Of the owner.
+    added: Added,
+    is_own: bool,
     pairs: &'a mut PairNumbers,
     by_pairs: &'a mut TetrahedronSums,
     sums: &'a mut OwnerSums<3>,
@@ -311,7 +364,7 @@ impl<'a> TetrahedronRows<'a, '_> {
             return None;
         }
         let (law, arch) = element.law()?;
-        Some(Rules { law, arch, weights, order: self.order, least: element.least() })
+        Some(Rules { law, arch, weights, order: self.left.order, least: element.least() })
     }
 }
 
@@ -319,8 +372,9 @@ impl Sink<3, 3> for TetrahedronRows<'_, '_> {
     /// Sums the tetrahedra of the owner over pairs of corners, if that is possible and none is
     /// refused, and lists those that are thin.
     fn begin(&mut self, cliques: &OwnerCliques<'_, 3>, gathered: &mut Gathered<3>) -> bool {
+        (self.is_own, self.added) = self.left.of(cliques.owner());
         self.pairs.set(cliques);
-        self.sums.reset(Added::new(self.order), cliques.members().len(), self.pairs.count());
+        self.sums.reset(self.added, cliques.members().len(), self.pairs.count());
         if cliques.have_own_losses() {
             return true;
         }
@@ -329,20 +383,22 @@ impl Sink<3, 3> for TetrahedronRows<'_, '_> {
         if !self.by_pairs.fill(&rules, &owner) {
             return true;
         }
-        self.by_pairs.derive(&owner, self.order, self.sums);
-        self.sum.join(&self.by_pairs.energy);
+        self.by_pairs.derive(&owner, self.added, self.sums);
+        if self.is_own {
+            self.sum.join(&self.by_pairs.energy);
+        }
         gathered.list.extend_from_slice(&self.by_pairs.thin);
         false
     }
 
     fn take(&mut self, _: &OwnerCliques<'_, 3>, batch: &[Clique], out: &mut Contributions) {
-        if self.order.has_energy() {
+        if self.left.order.has_energy() && self.is_own {
             self.sum.add(out.energies(batch.len()));
         }
-        self.sums.add_tetrahedra(batch, self.pairs, out, Added::new(self.order));
+        self.sums.add_tetrahedra(batch, self.pairs, out, self.added);
     }
 
     fn end(&mut self, cliques: &OwnerCliques<'_, 3>) {
-        self.sums.write(cliques, Added::new(self.order), self.rows);
+        self.sums.write(cliques, self.added, self.rows);
     }
 }

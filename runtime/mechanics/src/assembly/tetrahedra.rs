@@ -30,7 +30,7 @@ use block::{Block, Thirds};
 use pulp::Arch;
 use registers::{Measuring, Summing};
 
-use super::accumulate::OwnerSums;
+use super::accumulate::{Added, OwnerSums};
 use super::pairs::PairNumbers;
 use super::sum::Sum;
 use super::visit;
@@ -188,8 +188,8 @@ impl TetrahedronSums {
     }
 
     /// Writes out the derivatives from the moments.
-    pub(super) fn derive(&self, owner: &Owner<'_>, order: Order, sums: &mut OwnerSums<3>) {
-        if order == Order::Energy {
+    pub(super) fn derive(&self, owner: &Owner<'_>, added: Added, sums: &mut OwnerSums<3>) {
+        if !added.forces && !added.blocks {
             return;
         }
         let mut number = 0;
@@ -199,9 +199,11 @@ impl TetrahedronSums {
                 let xb = self.members.now[b];
                 let moments = &self.pairs[number];
                 let p = [moments[0], moments[1], moments[2]];
-                sums.add_gradient(a, &cross(&xb, &p).map(|g| 0.5 * g));
-                sums.add_gradient(b, &cross(&xa, &p).map(|g| -0.5 * g));
-                if order == Order::Tangent {
+                if added.forces {
+                    sums.add_gradient(a, &cross(&xb, &p).map(|g| 0.5 * g));
+                    sums.add_gradient(b, &cross(&xa, &p).map(|g| -0.5 * g));
+                }
+                if added.blocks {
                     add_blocks(moments, (a, &xa), (b, &xb), number, sums);
                 }
                 number += 1;

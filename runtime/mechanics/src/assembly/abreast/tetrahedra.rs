@@ -1,0 +1,302 @@
+//! Tetrahedra of owners abreast: a table of the triples of bonds whose ends are neighbours.
+//!
+//! With vectors `a`, `b`, `c` from the owner to the other corners, `v = (a x b).c`. All tetrahedra on a
+//! pair of bonds share its normal `a x b`: the force on the end of `c` is `f a x b`, where `f` is the
+//! weighted derivative of the energy, and those on the ends of `a` and `b` are `b x s` and `s x a` with
+//! the sum `s` of `f c`.
+
+use std::collections::BTreeMap;
+use std::ops::Range;
+use std::sync::Arc;
+
+use pulp::Simd;
+
+use super::super::axes::{Axes, Wanted};
+use super::super::kind::{AffineLaws, Kind};
+use super::super::quadratic::{Quadratic, Quadratics, SIGNED};
+use super::super::sum::Sum;
+use super::{Abreast, AbreastRoom, Added, Beside, Cliques, CornerShares, NONE, Register};
+use crate::element::THIN;
+use crate::geometry::lanes::Lanes;
+use crate::geometry::{cross, dot, each};
+use crate::interaction::runs::Runs;
+use crate::interaction::{Bits, Degeneracy};
+use crate::neighborhood::HORIZON_TOLERANCE;
+
+/// The tetrahedra of a lattice body with an affine law.
+pub(in crate::assembly) struct TetrahedronRuns {
+    abreast: Abreast,
+    /// Pairs of bonds by the first of them, and where those of each vector start.
+    bases: Vec<Base>,
+    start: Vec<usize>,
+    /// The tetrahedra on each pair.
+    thirds: Vec<Third>,
+    /// Those that differ.
+    laws: Vec<Quadratic>,
+}
+
+/// Two bonds of an owner whose other ends are neighbours.
+struct Base {
+    /// The number of the second vector.
+    vector: u32,
+    /// The cross product at rest, in m^2.
+    normal: [f64; 3],
+    thirds: Range<usize>,
+}
+
+/// A bond whose other end is a neighbour of those of a pair.
+struct Third {
+    vector: u32,
+    /// The number of the law, by the volume with the sign of the three bonds in their order.
+    law: u32,
+}
+
+impl TetrahedronRuns {
+    /// Nothing of laws that are not affine, and where tetrahedra are so thin at rest that they need twice
+    /// the digits.
+    pub(in crate::assembly) fn new(
+        runs: &Arc<Runs>,
+        kind: &Kind,
+        horizon: f64,
+        degeneracy: Degeneracy,
+    ) -> Option<TetrahedronRuns> {
+        let laws = kind.affine_laws().filter(|_| !kind.forbids_inversion())?;
+        let (abreast, common) = Abreast::new(runs, kind, 4);
+        let nothing = (Vec::new(), vec![0], Vec::new(), Vec::new());
+        let (bases, start, thirds, known) = nothing;
+        let all = TetrahedronRuns { abreast, bases, start, thirds, laws: known };
+        let reach = horizon * (1.0 + HORIZON_TOLERANCE);
+        let numbers = BTreeMap::new();
+        Table { laws, kind, runs, common, reach, degeneracy, numbers, all }.fill()
+    }
+
+    /// How many vectors the bonds of these have.
+    pub(in crate::assembly) fn n_vectors(&self) -> usize {
+        self.abreast.runs.n_vectors::<3>()
+    }
+
+    /// Works out what is wanted of the tetrahedra of a slab's owners but for some; nothing where something
+    /// is not finite, or thin.
+    pub(in crate::assembly) fn add(
+        &self,
+        slab: (Range<usize>, Option<&Bits>, Wanted),
+        axes: &mut Axes,
+        room: &mut AbreastRoom<3>,
+    ) -> Option<Sum> {
+        self.abreast.sweep(self, slab, axes, room)
+    }
+}
+
+/// The table on its way, and what it follows from.
+struct Table<'a> {
+    laws: AffineLaws<'a>,
+    kind: &'a Kind,
+    runs: &'a Runs,
+    common: f64,
+    reach: f64,
+    degeneracy: Degeneracy,
+    /// Of laws by the bits of their numbers.
+    numbers: BTreeMap<[u64; 4], u32>,
+    all: TetrahedronRuns,
+}
+
+impl Table<'_> {
+    fn fill(mut self) -> Option<TetrahedronRuns> {
+        let n = self.runs.n_vectors::<3>();
+        for a in 0..n {
+            // Later neighbours of the owner that are neighbours of the end of `a`.
+            let near: Vec<usize> = (0..a).filter(|b| self.is_edge(a, *b)).collect();
+            for (place, &b) in near.iter().enumerate() {
+                let first = self.all.thirds.len();
+                for &c in &near[..place] {
+                    if self.is_edge(b, c) {
+                        self.add([a, b, c])?;
+                    }
+                }
+                let thirds = first..self.all.thirds.len();
+                if !thirds.is_empty() {
+                    let [xa, xb] = [a, b].map(|v| self.runs.vectors::<3>()[v]);
+                    self.all.bases.push(Base { vector: b as u32, normal: cross(&xa, &xb), thirds });
+                }
+            }
+            self.all.start.push(self.all.bases.len());
+        }
+        Some(self.all)
+    }
+
+    /// Whether bonds are of one owner, and their ends neighbours.
+    fn is_edge(&self, a: usize, b: usize) -> bool {
+        let vectors = self.runs.vectors::<3>();
+        let between: [f64; 3] = each(|axis| vectors[b][axis] - vectors[a][axis]);
+        let [of_a, of_b] = [a, b].map(|v| self.runs.materials(v)[0]);
+        of_a == of_b && dot(&between, &between) <= self.reach * self.reach
+    }
+
+    /// Adds the tetrahedron of three bonds, unless it is flat; nothing where it is thin, or its law not
+    /// finite.
+    fn add(&mut self, bonds: [usize; 3]) -> Option<()> {
+        let vectors = self.runs.vectors::<3>();
+        let [xa, xb, xc] = bonds.map(|v| vectors[v]);
+        let volume = dot(&cross(&xa, &xb), &xc);
+        let squares = [xa, xb, xc].map(|x| dot(&x, &x));
+        let edge = |p: &[f64; 3], q: &[f64; 3]| {
+            let between: [f64; 3] = each(|axis| q[axis] - p[axis]);
+            dot(&between, &between)
+        };
+        let others = [edge(&xa, &xb), edge(&xa, &xc), edge(&xb, &xc)];
+        let longest = squares.iter().chain(&others).fold(0.0, |most: f64, x| most.max(*x));
+        if self.degeneracy.is_coplanar(volume * volume, longest) {
+            return Some(());
+        }
+        if volume * volume < THIN * THIN * squares[0] * squares[1] * squares[2] {
+            return None;
+        }
+        let [of_a, of_b, of_c] = bonds.map(|v| self.runs.materials(v));
+        let parts = self.kind.parts(&[of_a[0], of_a[1], of_b[1], of_c[1]]);
+        let mut law = self.laws.at(parts, volume.abs(), &[], self.common)?;
+        // By the volume of the bonds in this order.
+        law.reference = volume;
+        law.linear *= volume.signum();
+        let Quadratic { reference, rest, linear, bent } = law;
+        let laws = &mut self.all.laws;
+        let number = *self
+            .numbers
+            .entry([reference, rest, linear, bent].map(f64::to_bits))
+            .or_insert_with(|| {
+                laws.push(law);
+                laws.len() as u32 - 1
+            });
+        self.all.thirds.push(Third { vector: bonds[2] as u32, law: number });
+        Some(())
+    }
+}
+
+impl Cliques<3> for &TetrahedronRuns {
+    #[inline(always)]
+    fn add<S: Simd, const MASKED: bool>(
+        &self,
+        at: Register<'_, S>,
+        bonds: &mut [Beside<3>],
+        first_of: &[u32],
+        out: &mut Added<'_, S>,
+    ) {
+        let vectors = self.abreast.runs.vectors::<3>();
+        for number in 0..bonds.len() {
+            let bond = &bonds[number];
+            let (vector, owners) = (bond.vector as usize, bond.owners & at.owners());
+            if MASKED && owners == 0 {
+                continue;
+            }
+            let rest: [Lanes<S>; 3] = each(|axis| at.splat(vectors[vector][axis]));
+            let (eta, now) = (at.load_all(&bond.eta), at.load_all(&bond.now));
+            let mut force = at.load_all(&bond.force);
+            let square = at.splat(THIN * THIN) * at.load(&bond.square);
+            let shares = at.own_share().with::<MASKED, 3>(at, bond);
+            for base in &self.bases[self.start[vector]..self.start[vector + 1]] {
+                let mut other = first_of[base.vector as usize];
+                while other != NONE {
+                    let second = &bonds[other as usize];
+                    let next = second.next;
+                    let owners = owners & second.owners;
+                    if !MASKED || owners != 0 {
+                        let now_there = at.load_all(&second.now);
+                        let (p, q) =
+                            (cross(&rest, &at.load_all(&second.eta)), cross(&eta, &now_there));
+                        let grown: [Lanes<S>; 3] = each(|axis| p[axis] + q[axis]);
+                        let pair = Pair {
+                            owners,
+                            normal: each(|axis| at.splat(base.normal[axis]) + grown[axis]),
+                            grown,
+                            square: square * at.load(&second.square),
+                            shares: shares.with::<MASKED, 3>(at, second),
+                        };
+                        let sum = self.on_pair::<S, MASKED>(
+                            at,
+                            &pair,
+                            base,
+                            (&mut *bonds, first_of),
+                            out,
+                        );
+                        let (p, q) = (cross(&now_there, &sum), cross(&sum, &now));
+                        force = each(|axis| force[axis] + p[axis]);
+                        for axis in 0..3 {
+                            let force = &mut bonds[other as usize].force[axis];
+                            (at.load(force) + q[axis]).store(force, at.number);
+                        }
+                    }
+                    other = next;
+                }
+            }
+            for axis in 0..3 {
+                force[axis].store(&mut bonds[number].force[axis], at.number);
+            }
+        }
+    }
+}
+
+/// Two bonds of tetrahedra, in a register.
+struct Pair<S: Simd> {
+    /// Bits of those that have both.
+    owners: u8,
+    /// Their cross product, and how much it has grown.
+    normal: [Lanes<S>; 3],
+    grown: [Lanes<S>; 3],
+    /// The product of their squares, by as much as volumes may be less.
+    square: Lanes<S>,
+    /// Of the owner and of both ends.
+    shares: CornerShares<S>,
+}
+
+impl TetrahedronRuns {
+    /// The tetrahedra on a pair of bonds; the sum of the third bonds times the derivatives.
+    #[inline(always)]
+    fn on_pair<S: Simd, const MASKED: bool>(
+        &self,
+        at: Register<'_, S>,
+        pair: &Pair<S>,
+        base: &Base,
+        (bonds, first_of): (&mut [Beside<3>], &[u32]),
+        out: &mut Added<'_, S>,
+    ) -> [Lanes<S>; 3] {
+        let (zero, nothing) = (at.splat(0.0), at.splat(f64::NAN));
+        let at_rest: [Lanes<S>; 3] = each(|axis| at.splat(base.normal[axis]));
+        let mut sum = [zero; 3];
+        for third in &self.thirds[base.thirds.clone()] {
+            let law = Quadratics::new(at.simd, &self.laws[third.law as usize]);
+            let mut other = first_of[third.vector as usize];
+            while other != NONE {
+                let bond = &mut bonds[other as usize];
+                other = bond.next;
+                if MASKED && bond.owners & pair.owners == 0 {
+                    continue;
+                }
+                let now = at.load_all(&bond.now);
+                let grown = dot(&pair.grown, &now) + dot(&at_rest, &at.load_all(&bond.eta));
+                let changed = law.changed::<SIGNED, false>(zero, grown);
+                let shares = pair.shares.with::<MASKED, 3>(at, bond);
+                let volume = law.reference + grown;
+                let mut thin = pair.square * at.load(&bond.square);
+                if let Some(inside) = shares.inside {
+                    thin = thin * inside;
+                }
+                out.refused = out.refused + (volume * volume).where_less(thin, nothing, zero);
+                if out.has_forces {
+                    let first = shares.weigh(changed.first);
+                    out.refused = out.refused + first.zero_or_nan();
+                    for axis in 0..3 {
+                        sum[axis] = sum[axis] + first * now[axis];
+                        let force = &mut bond.force[axis];
+                        let part = first * pair.normal[axis];
+                        (at.load(force) + part).store(force, at.number);
+                    }
+                }
+                if let Some(sum) = &mut out.sum {
+                    let energy = shares.weigh(law.energy(&changed));
+                    out.refused = out.refused + energy.zero_or_nan();
+                    sum.add_lanes(at.simd, at.number, energy);
+                }
+            }
+        }
+        sum
+    }
+}

@@ -1,0 +1,260 @@
+//! Triangles of owners abreast: a table of the pairs of bonds whose ends are neighbours.
+
+use std::ops::Range;
+use std::sync::Arc;
+
+use pulp::Simd;
+
+use super::super::axes::{Axes, Wanted};
+use super::super::kind::{AffineLaws, Kind};
+use super::super::quadratic::{Changed, Quadratic, Quadratics, ROOT, SIGNED, SQUARE};
+use super::super::sum::Sum;
+use super::{Abreast, AbreastRoom, Added, Beside, Cliques, CornerShares, NONE, Register};
+use crate::element::THIN;
+use crate::geometry::lanes::Lanes;
+use crate::geometry::{Scalar, dot, each};
+use crate::interaction::runs::Runs;
+use crate::interaction::{Bits, Degeneracy};
+use crate::neighborhood::HORIZON_TOLERANCE;
+
+/// The triangles of a lattice body with an affine law.
+pub(in crate::assembly) struct TriangleRuns {
+    abreast: Abreast,
+    /// Pairs of bonds by the first of them.
+    pairs: Vec<Pair>,
+    /// Where those of each vector start.
+    start: Vec<usize>,
+    by_square: bool,
+}
+
+/// Two bonds of an owner whose other ends are neighbours.
+struct Pair {
+    /// The number of the second vector.
+    vector: u32,
+    /// The cross product at rest, in m^2; in the plane a positive number and zeros.
+    normal: [f64; 3],
+    law: Quadratic,
+}
+
+impl TriangleRuns {
+    /// Nothing of laws that are not affine, and where triangles are so thin at rest that they need twice
+    /// the digits.
+    pub(in crate::assembly) fn new(
+        runs: &Arc<Runs>,
+        kind: &Kind,
+        (dimension, horizon): (usize, f64),
+        degeneracy: Degeneracy,
+    ) -> Option<TriangleRuns> {
+        let laws = kind.affine_laws().filter(|_| !kind.forbids_inversion())?;
+        let (abreast, common) = Abreast::new(runs, kind, 3);
+        let by_square = laws.by_square;
+        let table = Table { laws, kind, runs, common, horizon, degeneracy };
+        let (pairs, start) = match dimension {
+            2 => table.pairs::<2>(runs.vectors())?,
+            _ => table.pairs::<3>(runs.vectors())?,
+        };
+        Some(TriangleRuns { abreast, pairs, start, by_square })
+    }
+
+    /// How many vectors the bonds of these have.
+    pub(in crate::assembly) fn n_vectors<const D: usize>(&self) -> usize {
+        self.abreast.runs.n_vectors::<D>()
+    }
+
+    /// Works out what is wanted of the triangles of a slab's owners but for some; nothing where something is not finite,
+    /// or thin.
+    pub(in crate::assembly) fn add<const D: usize>(
+        &self,
+        slab: (Range<usize>, Option<&Bits>, Wanted),
+        axes: &mut Axes,
+        room: &mut AbreastRoom<D>,
+    ) -> Option<Sum> {
+        let of = &self.abreast;
+        match (D, self.by_square) {
+            (2, _) => of.sweep(ByWay::<SIGNED>(self), slab, axes, room),
+            (_, false) => of.sweep(ByWay::<ROOT>(self), slab, axes, room),
+            (_, true) => of.sweep(ByWay::<SQUARE>(self), slab, axes, room),
+        }
+    }
+}
+
+/// What the table of pairs follows from.
+struct Table<'a> {
+    laws: AffineLaws<'a>,
+    kind: &'a Kind,
+    runs: &'a Runs,
+    common: f64,
+    horizon: f64,
+    degeneracy: Degeneracy,
+}
+
+impl Table<'_> {
+    fn pairs<const D: usize>(&self, vectors: &[[f64; D]]) -> Option<(Vec<Pair>, Vec<usize>)> {
+        let mut listed: Vec<Vec<Pair>> = vectors.iter().map(|_| Vec::new()).collect();
+        let reach = self.horizon * (1.0 + HORIZON_TOLERANCE);
+        for (a, xa) in vectors.iter().enumerate() {
+            for (b, xb) in vectors.iter().enumerate().take(a) {
+                let [[own, first], [of_second, second]] = [a, b].map(|v| self.runs.materials(v));
+                if of_second != own {
+                    continue;
+                }
+                let between: [f64; D] = each(|axis| xb[axis] - xa[axis]);
+                let squares = [dot(xa, xa), dot(xb, xb), dot(&between, &between)];
+                if squares[2] > reach * reach {
+                    continue;
+                }
+                let normal = cross(xa, xb);
+                let area_squared = dot(&normal, &normal);
+                let longest = squares.iter().fold(0.0, |most: f64, x| most.max(*x));
+                if self.degeneracy.is_collinear(area_squared, longest) {
+                    continue;
+                }
+                if area_squared < THIN * THIN * squares[0] * squares[1] {
+                    return None;
+                }
+                let parts = self.kind.parts(&[own, first, second]);
+                let law = self.laws.at(parts, area_squared.sqrt(), &[], self.common)?;
+                // In the plane the second bond lies to the left of the first.
+                let turned = D == 2 && normal[0] < 0.0;
+                let (first, second) = if turned { (b, a) } else { (a, b) };
+                let normal = if turned { normal.map(|x| 0.0 - x) } else { normal };
+                listed[first].push(Pair { vector: second as u32, normal, law });
+            }
+        }
+        let mut start = vec![0];
+        start.extend(listed.iter().scan(0, |end, pairs| {
+            *end += pairs.len();
+            Some(*end)
+        }));
+        Some((listed.into_iter().flatten().collect(), start))
+    }
+}
+
+/// The cross product; in the plane a number and zeros.
+#[inline(always)]
+fn cross<T: Scalar, const D: usize>(p: &[T; D], q: &[T; D]) -> [T; 3] {
+    let at = |r: usize, s: usize| p[r] * q[s] - p[s] * q[r];
+    if D == 2 {
+        let zero = p[0].alike(0.0);
+        return [at(0, 1), zero, zero];
+    }
+    [at(1, 2 % D), at(2 % D, 0), at(0, 1)]
+}
+
+/// `x` cross a normal.
+#[inline(always)]
+fn turned<T: Scalar, const D: usize>(x: &[T; D], normal: &[T; 3]) -> [T; D] {
+    if D == 2 {
+        return each(|axis| if axis == 0 { x[1] * normal[0] } else { -(x[0] * normal[0]) });
+    }
+    let all = cross(&[x[0], x[1], x[2 % D]], normal);
+    each(|axis| all[axis])
+}
+
+/// Triangles whose measure is of one kind.
+struct ByWay<'a, const WAY: u8>(&'a TriangleRuns);
+
+impl<const D: usize, const WAY: u8> Cliques<D> for ByWay<'_, WAY> {
+    #[inline(always)]
+    fn add<S: Simd, const MASKED: bool>(
+        &self,
+        at: Register<'_, S>,
+        bonds: &mut [Beside<D>],
+        first_of: &[u32],
+        out: &mut Added<'_, S>,
+    ) {
+        let TriangleRuns { abreast, pairs, start, .. } = self.0;
+        let (vectors, here) = (abreast.runs.vectors::<D>(), at.owners());
+        for number in 0..bonds.len() {
+            let bond = &bonds[number];
+            let (vector, owners) = (bond.vector as usize, bond.owners & here);
+            if MASKED && owners == 0 {
+                continue;
+            }
+            let rest = &vectors[vector];
+            let mut first = First {
+                rest: each(|axis| at.splat(rest[axis])),
+                eta: at.load_all(&bond.eta),
+                now: at.load_all(&bond.now),
+                square: at.load(&bond.square),
+                force: at.load_all(&bond.force),
+                shares: at.own_share().with::<MASKED, D>(at, bond),
+            };
+            for pair in &pairs[start[vector]..start[vector + 1]] {
+                let mut other = first_of[pair.vector as usize];
+                while other != NONE {
+                    let second = &mut bonds[other as usize];
+                    if !MASKED || second.owners & owners != 0 {
+                        first.with::<WAY, MASKED>(at, second, pair, out);
+                    }
+                    other = second.next;
+                }
+            }
+            for axis in 0..D {
+                first.force[axis].store(&mut bonds[number].force[axis], at.number);
+            }
+        }
+    }
+}
+
+/// The first bond of triangles, in a register.
+struct First<S: Simd, const D: usize> {
+    rest: [Lanes<S>; D],
+    eta: [Lanes<S>; D],
+    now: [Lanes<S>; D],
+    square: Lanes<S>,
+    force: [Lanes<S>; D],
+    /// Of the owner and of the other end.
+    shares: CornerShares<S>,
+}
+
+impl<S: Simd, const D: usize> First<S, D> {
+    /// The triangles with a second bond.
+    #[inline(always)]
+    fn with<const WAY: u8, const MASKED: bool>(
+        &mut self,
+        at: Register<'_, S>,
+        second: &mut Beside<D>,
+        pair: &Pair,
+        out: &mut Added<'_, S>,
+    ) {
+        let (eta, now) = (at.load_all(&second.eta), at.load_all(&second.now));
+        let at_rest: [Lanes<S>; 3] = each(|axis| at.splat(pair.normal[axis]));
+        let (p, q) = (cross(&self.rest, &eta), cross(&self.eta, &now));
+        let grown: [Lanes<S>; 3] = each(|axis| p[axis] + q[axis]);
+        let normal: [Lanes<S>; 3] = each(|axis| at_rest[axis] + grown[axis]);
+        let is_signed = WAY == SIGNED;
+        let square = if is_signed { normal[0] * normal[0] } else { dot(&normal, &normal) };
+        let by = if is_signed {
+            grown[0]
+        } else {
+            dot(&grown, &each::<_, 3>(|axis| normal[axis] + at_rest[axis]))
+        };
+        let law = Quadratics::new(at.simd, &pair.law);
+        let changed: Changed<S> = law.changed::<WAY, false>(square, by);
+        let shares = self.shares.with::<MASKED, D>(at, second);
+        let first = shares.weigh(changed.first);
+        let (zero, nothing) = (at.splat(0.0), at.splat(f64::NAN));
+        let mut thin = at.splat(THIN * THIN) * self.square * at.load(&second.square);
+        if let Some(inside) = shares.inside {
+            thin = thin * inside;
+        }
+        out.refused = out.refused + square.where_less(thin, nothing, zero);
+        if out.has_forces {
+            out.refused = out.refused + first.zero_or_nan();
+            let scaled: [Lanes<S>; 3] =
+                if is_signed { [first, zero, zero] } else { each(|axis| first * normal[axis]) };
+            let (p, q) = (turned(&now, &scaled), turned(&self.now, &scaled));
+            self.force = each(|axis| self.force[axis] + p[axis]);
+            for axis in 0..D {
+                let force = &mut second.force[axis];
+                (at.load(force) - q[axis]).store(force, at.number);
+            }
+        }
+        if let Some(sum) = &mut out.sum {
+            let energy = shares.weigh(law.energy(&changed));
+            out.refused = out.refused + energy.zero_or_nan();
+            sum.add_lanes(at.simd, at.number, energy);
+        }
+    }
+}

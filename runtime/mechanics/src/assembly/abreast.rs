@@ -6,6 +6,7 @@
 //! these are at rest stands in tables ([`triangles`], [`tetrahedra`]); forces of a bond's other end are
 //! summed where the bond is, and go to their points with the group.
 
+mod blocks;
 pub(super) mod tetrahedra;
 pub(super) mod triangles;
 
@@ -13,6 +14,8 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use pulp::{Arch, Simd, WithSimd};
+
+use blocks::Member;
 
 use super::axes::{Axes, Wanted};
 use super::kind::Kind;
@@ -51,12 +54,12 @@ impl Abreast {
     fn sweep<C: Cliques<D>, const D: usize>(
         &self,
         cliques: C,
-        (owners, rest, wanted): (Range<usize>, Option<&Bits>, Wanted),
+        (owners, wanted): ((Range<usize>, Option<&Bits>), Wanted),
         axes: &mut Axes,
         room: &mut AbreastRoom<D>,
     ) -> Option<Sum> {
         let mut sum = Sum::default();
-        let sweep = Sweep { of: self, cliques, owners, rest, wanted, axes, room, sum: &mut sum };
+        let sweep = Sweep { of: self, cliques, owners, wanted, axes, room, sum: &mut sum };
         self.arch.dispatch(sweep).then_some(sum)
     }
 }
@@ -92,6 +95,8 @@ pub(super) struct AbreastRoom<const D: usize> {
     bonds: Vec<Beside<D>>,
     /// The first bond of each vector.
     first: Vec<u32>,
+    /// What tangents add to the ends of bonds.
+    members: Vec<Member>,
 }
 
 impl<const D: usize> AbreastRoom<D> {
@@ -100,7 +105,7 @@ impl<const D: usize> AbreastRoom<D> {
         // Few groups have bonds of one vector with more than two places.
         let groups = GroupRoom::with_capacity(3 * n_vectors);
         let bonds = Vec::with_capacity(3 * n_vectors);
-        AbreastRoom { groups, bonds, first: vec![NONE; n_vectors] }
+        AbreastRoom { groups, bonds, first: vec![NONE; n_vectors], members: Vec::new() }
     }
 }
 
@@ -120,8 +125,7 @@ trait Cliques<const D: usize> {
 struct Sweep<'a, C, const D: usize> {
     of: &'a Abreast,
     cliques: C,
-    owners: Range<usize>,
-    rest: Option<&'a Bits>,
+    owners: (Range<usize>, Option<&'a Bits>),
     wanted: Wanted,
     axes: &'a mut Axes,
     room: &'a mut AbreastRoom<D>,
@@ -133,23 +137,14 @@ impl<C: Cliques<D>, const D: usize> WithSimd for Sweep<'_, C, D> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> bool {
-        let Sweep { of, cliques, owners, rest, wanted, axes, room, sum } = self;
-        let AbreastRoom { groups, bonds, first: first_of } = room;
+        let Sweep { of, cliques, owners, wanted, axes, room, sum } = self;
         let (zero, one) = (Lanes::splat(simd, 0.0), Lanes::splat(simd, 1.0));
         let sum = wanted.has_energy().then_some(sum);
         let mut out = Added { refused: zero, sum, has_forces: wanted.has_forces() };
-        let mut groups = of.runs.groups(axes.slab, owners, groups);
-        while let Some((owners, bundles)) = groups.next() {
-            let here = owners_of(owners.clone(), rest);
-            if here == 0 {
-                continue;
-            }
-            let whole = here == u8::MAX && bundles.iter().all(|bundle| bundle.owners == u8::MAX);
-            let group = Group { of, first: owners.start, here };
-            group.gather(simd, bundles, axes, bonds, first_of);
+        over_groups(simd, of, owners, (axes, room), |group, is_whole, bonds, first_of, _, axes| {
             for number in 0..WIDEST / Lanes::<S>::WIDTH {
-                let at = Register { simd, group: &group, number };
-                if whole {
+                let at = Register { simd, group, number };
+                if is_whole {
                     cliques.add::<S, false>(at, bonds, first_of, &mut out);
                 } else {
                     cliques.add::<S, true>(at, bonds, first_of, &mut out);
@@ -158,9 +153,33 @@ impl<C: Cliques<D>, const D: usize> WithSimd for Sweep<'_, C, D> {
             if out.has_forces {
                 group.scatter(simd, bonds, axes);
             }
-            bonds.iter().for_each(|bond| first_of[bond.vector as usize] = NONE);
-        }
+        });
         out.refused.where_equal(zero, zero, one).largest() == 0.0
+    }
+}
+
+/// Shows the owners of a slab, but for some, group by group: whether each of a group has all of its bonds,
+/// these, the first of them of each vector, room for their ends, and the arrays that they were gathered from.
+#[inline(always)]
+fn over_groups<S: Simd, const D: usize>(
+    simd: S,
+    of: &Abreast,
+    (owners, rest): (Range<usize>, Option<&Bits>),
+    (axes, room): (&mut Axes, &mut AbreastRoom<D>),
+    mut see: impl FnMut(&Group<'_>, bool, &mut [Beside<D>], &[u32], &mut Vec<Member>, &mut Axes),
+) {
+    let AbreastRoom { groups, bonds, first: first_of, members } = room;
+    let mut groups = of.runs.groups(axes.slab, owners, groups);
+    while let Some((owners, bundles)) = groups.next() {
+        let here = owners_of(owners.clone(), rest);
+        if here == 0 {
+            continue;
+        }
+        let is_whole = here == u8::MAX && bundles.iter().all(|bundle| bundle.owners == u8::MAX);
+        let group = Group { of, first: owners.start, here };
+        group.gather(simd, bundles, axes, bonds, first_of);
+        see(&group, is_whole, bonds, first_of, members, axes);
+        bonds.iter().for_each(|bond| first_of[bond.vector as usize] = NONE);
     }
 }
 

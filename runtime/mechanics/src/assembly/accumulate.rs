@@ -273,14 +273,7 @@ impl<const D: usize> OwnerSums<D> {
                 rows.add_block(owner, 1 + member, &sum.map(|row| row.map(|x| -x)));
             }
         }
-        // The sum of everything is symmetric but for rounding; the stored block is so exactly.
-        let mut symmetrised = total;
-        for r in 0..D {
-            for c in 0..D {
-                symmetrised[r][c] = 0.5 * (total[r][c] + total[c][r]);
-            }
-        }
-        rows.add_block(owner, 0, &symmetrised);
+        rows.add_block(owner, 0, &symmetrised(&total));
     }
 }
 
@@ -317,4 +310,16 @@ fn symmetric<const D: usize>(upper: &Block<D>) -> Block<D> {
         }
     }
     whole
+}
+
+/// The sum of all blocks of an owner's row, which is symmetric but for rounding, and exactly so where it is
+/// stored.
+pub(super) fn symmetrised<const D: usize>(total: &Block<D>) -> Block<D> {
+    let mut symmetrised = *total;
+    for r in 0..D {
+        for c in 0..D {
+            symmetrised[r][c] = 0.5 * (total[r][c] + total[c][r]);
+        }
+    }
+    symmetrised
 }

@@ -9,6 +9,7 @@ use super::abreast::tetrahedra::TetrahedronRuns;
 use super::abreast::triangles::TriangleRuns;
 use super::axes::{Axes, Wanted};
 use super::kind::Kind;
+use super::rows::Rows;
 use super::runs::BondRuns;
 use super::sum::Sum;
 use crate::interaction::Bits;
@@ -96,8 +97,8 @@ impl OnLattice {
             sums.bonds = Some(bonds.add::<D>(wanted, axes)?);
         }
         if let Some(triangles) = self.triangles.as_ref().filter(|_| wanted != Wanted::Product) {
-            let owners = owners(energy, slab, wanted);
-            sums.triangles = Some(triangles.add::<D>(owners, axes, abreast)?);
+            let owners = owners(energy, slab);
+            sums.triangles = Some(triangles.add::<D>(owners, wanted, axes, abreast)?);
         }
         Some(sums)
     }
@@ -113,16 +114,23 @@ impl OnLattice {
     ) -> Option<Sum> {
         let tetrahedra = self.tetrahedra.as_ref()?;
         axes.set::<3>(energy, slab, u, None);
-        tetrahedra.add(owners(energy, slab, wanted), axes, abreast)
+        tetrahedra.add(owners(energy, slab), wanted, axes, abreast)
+    }
+
+    /// Adds their tangent behind that, at the displacements in `axes`; whether that is done.
+    pub(super) fn add_tetrahedron_blocks(
+        &self,
+        energy: &DiscreteEnergy,
+        slab: usize,
+        room: (&mut Axes, &mut AbreastRoom<3>),
+        rows: &mut Rows<'_>,
+    ) -> bool {
+        let Some(tetrahedra) = &self.tetrahedra else { return false };
+        tetrahedra.add_blocks(&energy.neighborhood, owners(energy, slab), room, rows)
     }
 }
 
-/// What is wanted of the owners of a slab but for those that have lost interactions.
-fn owners(
-    energy: &DiscreteEnergy,
-    slab: usize,
-    wanted: Wanted,
-) -> (Range<usize>, Option<&Bits>, Wanted) {
-    let rest = energy.lost.as_ref().map(|lost| lost.owners());
-    (energy.slabs.owners(slab), rest, wanted)
+/// The owners of a slab but for those that have lost interactions.
+fn owners(energy: &DiscreteEnergy, slab: usize) -> (Range<usize>, Option<&Bits>) {
+    (energy.slabs.owners(slab), energy.lost.as_ref().map(|lost| lost.owners()))
 }

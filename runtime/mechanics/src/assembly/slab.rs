@@ -157,8 +157,8 @@ impl<'a> SlabTask<'a> {
         room: &mut Room<3>,
     ) -> Result<Sum, NonFinite> {
         let known = visit.tetrahedra_abreast(room, &mut self.rows);
-        let left = Left::new(visit, known.is_some());
-        let sum = known.unwrap_or_default();
+        let (sum, with_blocks) = known.unwrap_or_default();
+        let left = Left { with_blocks, ..Left::new(visit, known.is_some()) };
         let Room { cliques, gathered: [_, _, gathered], pairs, by_pairs, sums, .. } = room;
         let Some(gathered) = gathered.as_mut().filter(|_| !left.is_nothing()) else {
             return Ok(sum);
@@ -231,8 +231,8 @@ impl Visit<'_> {
         known.unwrap_or_default()
     }
 
-    /// The same for tetrahedra.
-    fn tetrahedra_abreast(&self, room: &mut Room<3>, rows: &mut Rows<'_>) -> Option<Sum> {
+    /// The same for tetrahedra, and whether their blocks are added, too.
+    fn tetrahedra_abreast(&self, room: &mut Room<3>, rows: &mut Rows<'_>) -> Option<(Sum, bool)> {
         let Room { axes, abreast, .. } = room;
         let (energy, wanted) = (self.energy, Wanted::Order(self.order));
         let lattice = &energy.on_lattice;
@@ -240,7 +240,9 @@ impl Visit<'_> {
         if wanted.has_forces() {
             axes.each::<3>(|point, part| rows.add_gradient(point, part));
         }
-        Some(sum)
+        let with_blocks = self.order == Order::Tangent
+            && lattice.add_tetrahedron_blocks(energy, self.slab, (axes, abreast), rows);
+        Some((sum, with_blocks))
     }
 }
 
@@ -281,8 +283,9 @@ fn bonds<const D: usize>(
 #[derive(Clone, Copy)]
 struct Left<'a> {
     order: Order,
-    /// Whether forces and energies are known of all owners but the `rest`.
+    /// Whether forces and energies are known of all owners but the `rest`, and blocks, too.
     is_known: bool,
+    with_blocks: bool,
     /// Owners whose interactions are no longer all there.
     rest: Option<&'a Bits>,
 }
@@ -291,17 +294,22 @@ impl<'a> Left<'a> {
     fn new(visit: Visit<'a>, is_known: bool) -> Left<'a> {
         let rest = visit.energy.lost.as_ref().map(|lost| lost.owners());
         let rest = rest.filter(|rest| rest.have_any(visit.energy.slabs.owners(visit.slab)));
-        Left { order: visit.order, is_known, rest }
+        Left { order: visit.order, is_known, with_blocks: false, rest }
+    }
+
+    /// Whether all is known of all owners but the `rest`.
+    fn is_rest(&self) -> bool {
+        self.is_known && (self.order != Order::Tangent || self.with_blocks)
     }
 
     /// Whether no owner need be visited.
     fn is_nothing(&self) -> bool {
-        self.is_known && self.order != Order::Tangent && self.rest.is_none()
+        self.is_rest() && self.rest.is_none()
     }
 
     /// The owners to visit, where these are not all.
     fn only(&self) -> Option<&'a Bits> {
-        self.rest.filter(|_| self.is_known && self.order != Order::Tangent)
+        self.rest.filter(|_| self.is_rest())
     }
 
     /// Whether the forces and energies of an owner are left, and what is to be added for it.

@@ -7,21 +7,23 @@
 
 use std::collections::BTreeMap;
 use std::ops::Range;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use pulp::Simd;
 
 use super::super::axes::{Axes, Wanted};
 use super::super::kind::{AffineLaws, Kind};
 use super::super::quadratic::{Quadratic, Quadratics, SIGNED};
+use super::super::rows::Rows;
 use super::super::sum::Sum;
+use super::blocks::{BlockSweep, Edges, Third};
 use super::{Abreast, AbreastRoom, Added, Beside, Cliques, CornerShares, NONE, Register};
 use crate::element::THIN;
 use crate::geometry::lanes::Lanes;
 use crate::geometry::{cross, dot, each};
 use crate::interaction::runs::Runs;
 use crate::interaction::{Bits, Degeneracy};
-use crate::neighborhood::HORIZON_TOLERANCE;
+use crate::neighborhood::{HORIZON_TOLERANCE, Neighborhood};
 
 /// The tetrahedra of a lattice body with an affine law.
 pub(in crate::assembly) struct TetrahedronRuns {
@@ -31,8 +33,10 @@ pub(in crate::assembly) struct TetrahedronRuns {
     start: Vec<usize>,
     /// The tetrahedra on each pair.
     thirds: Vec<Third>,
-    /// Those that differ.
+    /// Those that differ, each followed by the same for the other order of the bonds.
     laws: Vec<Quadratic>,
+    /// What tangents need beside; made when the first is asked for.
+    edges: OnceLock<Option<Edges>>,
 }
 
 /// Two bonds of an owner whose other ends are neighbours.
@@ -42,13 +46,6 @@ struct Base {
     /// The cross product at rest, in m^2.
     normal: [f64; 3],
     thirds: Range<usize>,
-}
-
-/// A bond whose other end is a neighbour of those of a pair.
-struct Third {
-    vector: u32,
-    /// The number of the law, by the volume with the sign of the three bonds in their order.
-    law: u32,
 }
 
 impl TetrahedronRuns {
@@ -64,7 +61,8 @@ impl TetrahedronRuns {
         let (abreast, common) = Abreast::new(runs, kind, 4);
         let nothing = (Vec::new(), vec![0], Vec::new(), Vec::new());
         let (bases, start, thirds, known) = nothing;
-        let all = TetrahedronRuns { abreast, bases, start, thirds, laws: known };
+        let edges = OnceLock::new();
+        let all = TetrahedronRuns { abreast, bases, start, thirds, laws: known, edges };
         let reach = horizon * (1.0 + HORIZON_TOLERANCE);
         let numbers = BTreeMap::new();
         Table { laws, kind, runs, common, reach, degeneracy, numbers, all }.fill()
@@ -79,11 +77,41 @@ impl TetrahedronRuns {
     /// is not finite, or thin.
     pub(in crate::assembly) fn add(
         &self,
-        slab: (Range<usize>, Option<&Bits>, Wanted),
+        owners: (Range<usize>, Option<&Bits>),
+        wanted: Wanted,
         axes: &mut Axes,
         room: &mut AbreastRoom<3>,
     ) -> Option<Sum> {
-        self.abreast.sweep(self, slab, axes, room)
+        self.abreast.sweep(self, (owners, wanted), axes, room)
+    }
+
+    /// Adds the tangent of the tetrahedra of a slab's owners, but for some, at the displacements in `axes`;
+    /// whether that is done.
+    pub(in crate::assembly) fn add_blocks(
+        &self,
+        neighborhood: &Neighborhood,
+        owners: (Range<usize>, Option<&Bits>),
+        (axes, room): (&mut Axes, &mut AbreastRoom<3>),
+        rows: &mut Rows<'_>,
+    ) -> bool {
+        let edges =
+            self.edges.get_or_init(|| Edges::new(&self.abreast.runs, neighborhood, self.triples()));
+        let Some(edges) = edges else { return false };
+        let (of, laws) = (&self.abreast, &self.laws[..]);
+        self.abreast.arch.dispatch(BlockSweep { of, edges, laws, owners, axes, room, rows });
+        true
+    }
+
+    /// The vectors of each tetrahedron, and its law.
+    fn triples(&self) -> impl Iterator<Item = ([u32; 3], u32)> + '_ {
+        let of_base = |a: usize, base: &Base| {
+            let (b, thirds) = (base.vector, self.thirds[base.thirds.clone()].iter());
+            thirds.map(move |third| ([a as u32, b, third.vector], third.law))
+        };
+        (0..self.start.len() - 1).flat_map(move |a| {
+            let bases = &self.bases[self.start[a]..self.start[a + 1]];
+            bases.iter().flat_map(move |base| of_base(a, base))
+        })
     }
 }
 
@@ -95,8 +123,8 @@ struct Table<'a> {
     common: f64,
     reach: f64,
     degeneracy: Degeneracy,
-    /// Of laws by the bits of their numbers.
-    numbers: BTreeMap<[u64; 4], u32>,
+    /// Of laws, by the bits of volumes and the materials of corners.
+    numbers: BTreeMap<(u64, [u8; 4]), u32>,
     all: TetrahedronRuns,
 }
 
@@ -152,22 +180,26 @@ impl Table<'_> {
             return None;
         }
         let [of_a, of_b, of_c] = bonds.map(|v| self.runs.materials(v));
-        let parts = self.kind.parts(&[of_a[0], of_a[1], of_b[1], of_c[1]]);
-        let mut law = self.laws.at(parts, volume.abs(), &[], self.common)?;
-        // By the volume of the bonds in this order.
-        law.reference = volume;
-        law.linear *= volume.signum();
-        let Quadratic { reference, rest, linear, bent } = law;
-        let laws = &mut self.all.laws;
-        let number = *self
-            .numbers
-            .entry([reference, rest, linear, bent].map(f64::to_bits))
-            .or_insert_with(|| {
-                laws.push(law);
-                laws.len() as u32 - 1
-            });
-        self.all.thirds.push(Third { vector: bonds[2] as u32, law: number });
+        let corners = [of_a[0], of_a[1], of_b[1], of_c[1]];
+        let known = self.numbers.get(&(volume.to_bits(), corners)).copied();
+        let law = match known {
+            Some(law) => law,
+            None => self.add_law(volume, corners)?,
+        };
+        self.all.thirds.push(Third { vector: bonds[2] as u32, law });
         Some(())
+    }
+
+    /// Adds the law of tetrahedra with this volume at rest, in both orders; nothing where it is not finite.
+    fn add_law(&mut self, volume: f64, corners: [u8; 4]) -> Option<u32> {
+        let (parts, number) = (self.kind.parts(&corners), self.all.laws.len() as u32);
+        let law = self.laws.at(parts, volume.abs(), &[], self.common)?;
+        for (turned, volume) in [(0, volume), (1, -volume)] {
+            let linear = law.linear * volume.signum();
+            self.all.laws.push(Quadratic { reference: volume, linear, ..law });
+            self.numbers.insert((volume.to_bits(), corners), number + turned);
+        }
+        Some(number)
     }
 }
 

@@ -65,15 +65,16 @@ impl TriangleRuns {
     /// or thin.
     pub(in crate::assembly) fn add<const D: usize>(
         &self,
-        slab: (Range<usize>, Option<&Bits>, Wanted),
+        owners: (Range<usize>, Option<&Bits>),
+        wanted: Wanted,
         axes: &mut Axes,
         room: &mut AbreastRoom<D>,
     ) -> Option<Sum> {
         let of = &self.abreast;
         match (D, self.by_square) {
-            (2, _) => of.sweep(ByWay::<SIGNED>(self), slab, axes, room),
-            (_, false) => of.sweep(ByWay::<ROOT>(self), slab, axes, room),
-            (_, true) => of.sweep(ByWay::<SQUARE>(self), slab, axes, room),
+            (2, _) => of.sweep(ByWay::<SIGNED>(self), (owners, wanted), axes, room),
+            (_, false) => of.sweep(ByWay::<ROOT>(self), (owners, wanted), axes, room),
+            (_, true) => of.sweep(ByWay::<SQUARE>(self), (owners, wanted), axes, room),
         }
     }
 }

@@ -25,7 +25,7 @@ use crate::element::WIDEST;
 use crate::geometry::lanes::Lanes;
 use crate::geometry::{Scalar, dot, each};
 use crate::interaction::Bits;
-use crate::interaction::runs::{Bundle, GroupRoom, Runs};
+use crate::interaction::runs::{Bundle, GroupRoom, Groups, Runs};
 
 /// One number of eight owners.
 type Eight = [f64; WIDEST];
@@ -141,9 +141,12 @@ impl<C: Cliques<D>, const D: usize> WithSimd for Sweep<'_, C, D> {
         let (zero, one) = (Lanes::splat(simd, 0.0), Lanes::splat(simd, 1.0));
         let sum = wanted.has_energy().then_some(sum);
         let mut out = Added { refused: zero, sum, has_forces: wanted.has_forces() };
-        over_groups(simd, of, owners, (axes, room), |group, is_whole, bonds, first_of, _, axes| {
+        let AbreastRoom { groups, bonds, first: first_of, .. } = room;
+        let mut walk = Walk::new(of, axes.slab, owners, groups);
+        // Loops and no closures: these would be functions of their own, without the machine's registers.
+        while let Some((group, is_whole)) = walk.next(simd, axes, bonds, first_of) {
             for number in 0..WIDEST / Lanes::<S>::WIDTH {
-                let at = Register { simd, group, number };
+                let at = Register { simd, group: &group, number };
                 if is_whole {
                     cliques.add::<S, false>(at, bonds, first_of, &mut out);
                 } else {
@@ -153,33 +156,51 @@ impl<C: Cliques<D>, const D: usize> WithSimd for Sweep<'_, C, D> {
             if out.has_forces {
                 group.scatter(simd, bonds, axes);
             }
-        });
+        }
         out.refused.where_equal(zero, zero, one).largest() == 0.0
     }
 }
 
-/// Shows the owners of a slab, but for some, group by group: whether each of a group has all of its bonds,
-/// these, the first of them of each vector, room for their ends, and the arrays that they were gathered from.
-#[inline(always)]
-fn over_groups<S: Simd, const D: usize>(
-    simd: S,
-    of: &Abreast,
-    (owners, rest): (Range<usize>, Option<&Bits>),
-    (axes, room): (&mut Axes, &mut AbreastRoom<D>),
-    mut see: impl FnMut(&Group<'_>, bool, &mut [Beside<D>], &[u32], &mut Vec<Member>, &mut Axes),
-) {
-    let AbreastRoom { groups, bonds, first: first_of, members } = room;
-    let mut groups = of.runs.groups(axes.slab, owners, groups);
-    while let Some((owners, bundles)) = groups.next() {
-        let here = owners_of(owners.clone(), rest);
-        if here == 0 {
-            continue;
-        }
-        let is_whole = here == u8::MAX && bundles.iter().all(|bundle| bundle.owners == u8::MAX);
-        let group = Group { of, first: owners.start, here };
-        group.gather(simd, bundles, axes, bonds, first_of);
-        see(&group, is_whole, bonds, first_of, members, axes);
+/// The owners of a slab, but for some, group by group.
+struct Walk<'a> {
+    of: &'a Abreast,
+    groups: Groups<'a>,
+    rest: Option<&'a Bits>,
+}
+
+impl<'a> Walk<'a> {
+    fn new(
+        of: &'a Abreast,
+        slab: usize,
+        (owners, rest): (Range<usize>, Option<&'a Bits>),
+        room: &'a mut GroupRoom,
+    ) -> Walk<'a> {
+        Walk { of, groups: of.runs.groups(slab, owners, room), rest }
+    }
+
+    /// The next group, and whether each of it has all of its bonds; what these have become, and the first
+    /// of them of each vector.
+    #[inline(always)]
+    fn next<S: Simd, const D: usize>(
+        &mut self,
+        simd: S,
+        axes: &Axes,
+        bonds: &mut Vec<Beside<D>>,
+        first_of: &mut [u32],
+    ) -> Option<(Group<'a>, bool)> {
         bonds.iter().for_each(|bond| first_of[bond.vector as usize] = NONE);
+        bonds.clear();
+        loop {
+            let (owners, bundles) = self.groups.next()?;
+            let here = owners_of(owners.clone(), self.rest);
+            if here != 0 {
+                let has_all = |bundle: &Bundle| bundle.owners == u8::MAX;
+                let is_whole = here == u8::MAX && bundles.iter().all(has_all);
+                let group = Group { of: self.of, first: owners.start, here };
+                group.gather(simd, bundles, axes, bonds, first_of);
+                return Some((group, is_whole));
+            }
+        }
     }
 }
 
@@ -221,7 +242,6 @@ impl Group<'_> {
         let vectors = self.of.runs.vectors::<D>();
         let place = |point: isize| (point + WIDEST as isize - axes.first as isize) as usize;
         let own = place(self.first as isize);
-        bonds.clear();
         for (number, &Bundle { vector, other, owners }) in bundles.iter().enumerate() {
             let owners = owners & self.here;
             let mut bond = Beside {

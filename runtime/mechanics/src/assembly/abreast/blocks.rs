@@ -14,9 +14,7 @@ use super::super::accumulate::symmetrised;
 use super::super::axes::Axes;
 use super::super::quadratic::{Quadratic, Quadratics, SIGNED};
 use super::super::rows::Rows;
-use super::{
-    Abreast, AbreastRoom, Beside, CornerShares, Eight, Group, NONE, Register, over_groups,
-};
+use super::{Abreast, AbreastRoom, Beside, CornerShares, Eight, Group, NONE, Register, Walk};
 use crate::element::WIDEST;
 use crate::geometry::lanes::Lanes;
 use crate::geometry::{cross, dot, each};
@@ -121,7 +119,7 @@ pub(super) struct BlockSweep<'a, 'r> {
     pub(super) edges: &'a Edges,
     pub(super) laws: &'a [Quadratic],
     pub(super) owners: (Range<usize>, Option<&'a Bits>),
-    pub(super) axes: &'a mut Axes,
+    pub(super) axes: &'a Axes,
     pub(super) room: &'a mut AbreastRoom<3>,
     pub(super) rows: &'a mut Rows<'r>,
 }
@@ -132,27 +130,23 @@ impl WithSimd for BlockSweep<'_, '_> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
         let BlockSweep { of, edges, laws, owners, axes, room, rows } = self;
-        over_groups(
-            simd,
-            of,
-            owners,
-            (axes, room),
-            |group, is_whole, bonds, first_of, members, _| {
-                members.clear();
-                let nothing = Member { own: [[0.0; WIDEST]; 6], column: [[0.0; WIDEST]; 9] };
-                members.resize(bonds.len(), nothing);
-                for number in 0..WIDEST / Lanes::<S>::WIDTH {
-                    let at = Register { simd, group, number };
-                    let on_edges = OnEdges { edges, laws, bonds, first_of, at };
-                    if is_whole {
-                        on_edges.add::<false>(members, rows);
-                    } else {
-                        on_edges.add::<true>(members, rows);
-                    }
+        let AbreastRoom { groups, bonds, first: first_of, members } = room;
+        let mut walk = Walk::new(of, axes.slab, owners, groups);
+        while let Some((group, is_whole)) = walk.next(simd, axes, bonds, first_of) {
+            members.clear();
+            let nothing = Member { own: [[0.0; WIDEST]; 6], column: [[0.0; WIDEST]; 9] };
+            members.resize(bonds.len(), nothing);
+            for number in 0..WIDEST / Lanes::<S>::WIDTH {
+                let at = Register { simd, group: &group, number };
+                let on_edges = OnEdges { edges, laws, bonds, first_of, at };
+                if is_whole {
+                    on_edges.add::<false>(members, rows);
+                } else {
+                    on_edges.add::<true>(members, rows);
                 }
-                write(group, &edges.places, (bonds, members), rows);
-            },
-        );
+            }
+            write(&group, &edges.places, (bonds, members), rows);
+        }
     }
 }
 

@@ -389,3 +389,19 @@ fn verify_decides_where_the_written_energy_has_no_digits() {
     audit(&file, &[]).expect(0);
     audit(&file, &["--textbook"]).expect(1);
 }
+
+/// Bonds that come to remember more than a double holds, or a number whose square none does: the potential is right,
+/// and so is what is compiled.
+#[test]
+fn verify_says_nothing_of_next_states_beyond_doubles() {
+    let folder = SceneFolder::new("");
+    let text = "potential p\nparameter C\nstate k = 0\n\
+                update k = max(k, exp(800*(l/L - 1)) - exp(799*(l/L - 1)))\n\
+                psi(l) = C*L*(l/L - 1)^2/(1 + k)\n";
+    let file = folder.file("beyond.piola", text);
+    let told = piola(&["verify", &file, "--set", "C=1"]).stdout;
+    assert!(told.contains(" load steps, psi(l): "), "{told}");
+    for word in ["WRONG", "defect", "NaN", "expected inf"] {
+        assert!(!told.contains(word), "{word} in {told}");
+    }
+}

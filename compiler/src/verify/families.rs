@@ -2,7 +2,7 @@
 //! states against numbers of any precision.
 //!
 //! A next state may be off by 64 roundings of itself, and by what it changes by when one of its inputs is rounded
-//! in the last place of their norm.
+//! in the last place of their norm. What no double holds has no digits to lose: such places tell nothing.
 
 use super::gathered::{self, Place};
 use super::sample::Random;
@@ -228,7 +228,7 @@ fn compare<W, P: Known<W>>(
 ) {
     for (k, place) in places.iter().enumerate() {
         found.count(&[strict[k]], &[interpreted[k]]);
-        let Some(truth) = place.truth(written) else { continue };
+        let Some(truth) = in_doubles(place, written) else { continue };
         let unit = UNIT_ROUNDOFF * truth.abs() + rounded_inputs(place, written, truth);
         for value in [strict[k], fast[k]] {
             let error = (value - truth).abs() / (unit + f64::MIN_POSITIVE);
@@ -244,6 +244,11 @@ fn compare<W, P: Known<W>>(
     }
 }
 
+/// What is true at a place, where it is a number that a double holds.
+fn in_doubles<W, P: Known<W>>(place: &P, written: &W) -> Option<f64> {
+    place.truth(written).filter(|truth| truth.is_finite())
+}
+
 /// The most that a next state changes by where one of its inputs is rounded in the last place of their norm.
 fn rounded_inputs<W, P: Known<W>>(place: &P, written: &W, truth: f64) -> f64 {
     let given = place.given();
@@ -251,7 +256,7 @@ fn rounded_inputs<W, P: Known<W>>(place: &P, written: &W, truth: f64) -> f64 {
     let change = |k: usize, sign: f64| {
         let mut moved = given.to_vec();
         moved[k] += sign * step;
-        place.moved(moved).truth(written).map_or(0.0, |there| (there - truth).abs())
+        in_doubles(&place.moved(moved), written).map_or(0.0, |there| (there - truth).abs())
     };
     let each = (0..given.len()).flat_map(|k| [change(k, 1.0), change(k, -1.0)]);
     each.fold(0.0, f64::max)

@@ -177,8 +177,8 @@ impl Miss {
         compiled.is_finite() && compiled > WRONG && NEARER * dual < compiled
     }
 
-    /// The same of a value that hyper-dual numbers do not tell. What is no number has overflowed, and lost all
-    /// digits by that.
+    /// The same of a value that hyper-dual numbers do not tell, as of next states. What is no number has overflowed,
+    /// and lost all digits by that.
     fn is_far_off(compiled: f64, truth: f64) -> bool {
         let error = (compiled - truth).abs();
         error.is_finite() && error > WRONG * truth.abs()

@@ -2,7 +2,8 @@
 //! states against numbers of any precision.
 //!
 //! A next state may be off by 64 roundings of itself, and by what it changes by when the change of the
-//! measure, or the measure itself, is rounded: a return map takes the strain and hands on its rounding.
+//! measure, or the measure itself, is rounded: a return map takes the strain and hands on its rounding. What no
+//! double holds has no digits to lose: such places tell nothing.
 
 use super::{Columns, Miss, Subject, UNIT_ROUNDOFF, Verification, Witness, families, sample};
 use crate::expression::number::Number as _;
@@ -100,7 +101,7 @@ fn compare(
     let [strict, fast, interpreted] = kernels.map(|kernel| columns.derivatives(kernel).psi);
     for (k, point) in points.iter().enumerate() {
         found.count(&[strict[k]], &[interpreted[k]]);
-        let Some(truth) = truth(written, point.measure, point.reference) else { continue };
+        let Some(truth) = truth(written, *point, 0.0) else { continue };
         let unit = UNIT_ROUNDOFF * truth.abs() + rounded_inputs(written, *point, truth);
         for value in [strict[k], fast[k]] {
             let error = (value - truth).abs() / (unit + f64::MIN_POSITIVE);
@@ -120,18 +121,16 @@ fn compare(
 /// How much a next state changes where the change of the measure is rounded, with the measure by so much.
 fn rounded_inputs(written: &WrittenEnergy, point: Point, truth_here: f64) -> f64 {
     let size = point.measure - point.reference;
-    let moved = [-UNIT_ROUNDOFF, UNIT_ROUNDOFF].map(|u| {
-        // In half as many digits again the step is not lost.
-        let at = Precise::<512>::line(point.measure, 1.0, u * size);
-        let there = written.evaluate(at, Precise::constant(point.reference));
-        there.parts().map_or(0.0, |_| (there.rounded()[0] - truth_here).abs())
-    });
+    let moved = [-UNIT_ROUNDOFF, UNIT_ROUNDOFF]
+        .map(|u| truth(written, point, u * size).map_or(0.0, |there| (there - truth_here).abs()));
     moved[0].max(moved[1])
 }
 
-/// A next state as written to many digits, where it is a number.
-fn truth(written: &WrittenEnergy, measure: f64, reference: f64) -> Option<f64> {
-    let next =
-        written.evaluate(Precise::<512>::line(measure, 1.0, 0.0), Precise::constant(reference));
-    next.parts().map(|_| next.rounded()[0])
+/// A next state as written to many digits, where it is a number that a double holds; the measure is larger by so
+/// much, exactly.
+pub(super) fn truth(written: &WrittenEnergy, point: Point, by: f64) -> Option<f64> {
+    // In twice as many digits as margins have, a step by a rounding of a small change is not lost.
+    let measure = Precise::<512>::line(point.measure, 1.0, by);
+    let next = written.evaluate(measure, Precise::constant(point.reference)).value();
+    next.is_finite().then_some(next)
 }

@@ -261,6 +261,77 @@ fn what_overflows_has_no_digits_left_and_is_not_wrong() {
     assert!(!miss(1.0000001, 1.0).is_wrong);
 }
 
+/// Next states of bonds, of gradients and of points that pass the largest double, on the way to numbers beyond it:
+/// nothing is expected there, and what follows from them is not wrong.
+#[test]
+fn a_next_state_beyond_doubles_decides_nothing() {
+    let beyond = |x: &str| format!("update k = max(k, exp(800*({x})) - exp(799*({x})))");
+    let of = |text: String| {
+        let model = model(&format!("potential p\nstate k = 0\n{text}"));
+        verify(&model, &values(&model, 2, &[]), 1000).unwrap().0
+    };
+    let lengths = format!("{}\npsi(l) = L*(l/L - 1)^2/(1 + k)", beyond("l/L - 1"));
+    let gradients = format!("{}\npsi(F) = exp(-k)*(E : E)", beyond("F : F - 2"));
+    let points = format!("e = integral(l/L - 1)\n{}\npsi(e) = exp(-k)*e^2", beyond("e^2"));
+    for text in [lengths, gradients, points] {
+        let found = of(text.clone());
+        assert!(found.iter().any(|one| matches!(one.subject, super::Subject::NextState(..))));
+        for one in found {
+            assert_ne!(one.outcome(), Outcome::Wrong, "{text}: {one:?}");
+            let told = |miss: &Miss| miss.expected[0].is_finite() && miss.tolerance.is_finite();
+            assert!(one.misses.iter().all(told), "{text}: {one:?}");
+        }
+    }
+}
+
+/// Off by a thousandth: here the energy as written has another coefficient than the compiled one.
+#[test]
+fn a_wrong_load_step_is_found() {
+    use super::consistent::{Following, compare, kernels};
+    let model = model(
+        "potential p\nparameter C\nstate k = 0\nupdate k = max(k, l/L - 1)\n\
+         psi(l) = C*L*(l/L - 1)^2/(1 + k)",
+    );
+    let of = |c: f64| {
+        let mut following = values(&model, 3, &[("C", c)]).following_states(&model);
+        let dt = usize::from(model.number_of_time_step().unwrap());
+        following.parameters[dt] = 1.0;
+        following
+    };
+    let (right, wrong, measure) = (of(1.0), of(1.001), Measure::Length);
+    let variant = model.variant(3).unwrap();
+    let points = super::sample::points(variant, measure, &right, 50);
+    let kernels = kernels(&model, measure, &wrong).unwrap().unwrap();
+    let witness = Following::new((&model, variant), measure, &right, &points).unwrap();
+    let bar = [(super::Witness::HyperDual, 64.0)];
+    let found = super::Verification::new(super::Subject::Following(measure), &bar);
+    let found = compare(found, &kernels, &witness, &points);
+    assert_eq!(found.outcome(), Outcome::Wrong);
+    let wrong = |order: usize| found.misses.iter().any(|miss| miss.order == order && miss.is_wrong);
+    assert!((0..3).all(wrong), "{:?}", found.errors);
+}
+
+/// Hyper-dual numbers of a quotient by 1e200 have no psi', which it has: what is right passes there. Its tangent is
+/// `2/(L*k) - 2*(l/L - 1)/k^2*dk/dl`, of which the second part may underflow.
+#[test]
+fn load_steps_are_held_against_numbers_of_any_precision_too() {
+    let model = model(
+        "potential p\nstate k = 0\nupdate k = max(k, 1e200*(l/L))\n\
+         psi(l) = L*(l/L - 1)^2/(1 + k)\ndomain l/L in [0.5, 2]",
+    );
+    let (found, _) = verify(&model, &values(&model, 2, &[]), 200).unwrap();
+    let is_followed =
+        |one: &&super::Verification| matches!(one.subject, super::Subject::Following(_));
+    let followed = found.iter().find(is_followed).unwrap();
+    assert!(followed.undecided > 100, "{followed:?}");
+    assert_ne!(followed.outcome(), Outcome::Wrong, "{followed:?}");
+    for miss in &followed.misses {
+        let (l, rest) = (miss.place[0], miss.place[1]);
+        let tangent = 2e-200 * rest / (l * l);
+        assert!(miss.order == 2 && (miss.expected[0] / tangent - 1.0).abs() < 1e-12, "{miss:?}");
+    }
+}
+
 #[test]
 fn derivatives_read_as_one_would_write_them() {
     let model = model(SETH_HILL);

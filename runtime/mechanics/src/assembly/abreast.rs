@@ -111,7 +111,8 @@ impl<const D: usize> AbreastRoom<D> {
 
 /// The interactions of one kind, from a table.
 trait Cliques<const D: usize> {
-    /// Those of one register of a group. `MASKED`: not every owner has every bond.
+    /// Those of one register of a group. `MASKED`: not every owner has every bond, or weights are not the
+    /// same for all.
     fn add<S: Simd, const MASKED: bool>(
         &self,
         at: Register<'_, S>,
@@ -178,8 +179,8 @@ impl<'a> Walk<'a> {
         Walk { of, groups: of.runs.groups(slab, owners, room), rest }
     }
 
-    /// The next group, and whether each of it has all of its bonds; what these have become, and the first
-    /// of them of each vector.
+    /// The next group, and whether each of it has all of its bonds, with weights that are the same for all;
+    /// what these bonds have become, and the first of them of each vector.
     #[inline(always)]
     fn next<S: Simd, const D: usize>(
         &mut self,
@@ -195,7 +196,8 @@ impl<'a> Walk<'a> {
             let here = owners_of(owners.clone(), self.rest);
             if here != 0 {
                 let has_all = |bundle: &Bundle| bundle.owners == u8::MAX;
-                let is_whole = here == u8::MAX && bundles.iter().all(has_all);
+                let is_even = self.of.shares.is_none() && self.of.parts.is_none();
+                let is_whole = is_even && here == u8::MAX && bundles.iter().all(has_all);
                 let group = Group { of: self.of, first: owners.start, here };
                 group.gather(simd, bundles, axes, bonds, first_of);
                 return Some((group, is_whole));
@@ -338,9 +340,12 @@ impl<S: Simd> Register<'_, S> {
         (u8::MAX >> (WIDEST - width)) << (self.number * width)
     }
 
-    /// What the owners have in weights.
+    /// What the owners have in weights; nothing where these are the same for all.
     #[inline(always)]
-    fn own_share(self) -> CornerShares<S> {
+    fn own_share<const MASKED: bool>(self) -> CornerShares<S> {
+        if !MASKED {
+            return CornerShares { inside: None, share: None, part: None };
+        }
         let Group { of, first, .. } = *self.group;
         let of_owners =
             |shares: &Shares| Lanes::load(self.simd, shares.from(first as isize), self.number);
@@ -370,25 +375,42 @@ impl<S: Simd> CornerShares<S> {
         at: Register<'_, S>,
         bond: &Beside<D>,
     ) -> CornerShares<S> {
-        if MASKED {
-            let inside = at.load(&bond.inside);
-            self.inside = Some(self.inside.map_or(inside, |all| all * inside));
+        if !MASKED {
+            return self;
         }
+        let inside = at.load(&bond.inside);
+        self.inside = Some(match self.inside {
+            Some(all) => all * inside,
+            None => inside,
+        });
         if let (Some(all), Some(shares)) = (self.share, &at.group.of.shares) {
             let share = at.load(&bond.share);
             self.share = Some(if shares.are_added { all + share } else { all * share });
         }
-        self.part = self.part.map(|all| all + at.load(&bond.part));
+        if let Some(all) = self.part {
+            self.part = Some(all + at.load(&bond.part));
+        }
         self
     }
 
-    /// A number of the interactions times their weights.
+    /// The weight of the interactions; nothing where it is 1. Iterators over these three would stay loops,
+    /// which write them to memory.
     #[inline(always)]
-    fn weigh(self, number: Lanes<S>) -> Lanes<S> {
-        let mut weight = self.share;
-        for factor in [self.inside, self.part].into_iter().flatten() {
-            weight = Some(weight.map_or(factor, |weight| weight * factor));
-        }
-        weight.map_or(number, |weight| number * weight)
+    fn weight(self) -> Option<Lanes<S>> {
+        let times = |p: Option<Lanes<S>>, q: Option<Lanes<S>>| match (p, q) {
+            (Some(p), Some(q)) => Some(p * q),
+            (p, None) => p,
+            (None, q) => q,
+        };
+        times(times(self.share, self.inside), self.part)
+    }
+}
+
+/// A number times a weight.
+#[inline(always)]
+fn weighed<S: Simd>(number: Lanes<S>, weight: Option<Lanes<S>>) -> Lanes<S> {
+    match weight {
+        Some(weight) => number * weight,
+        None => number,
     }
 }

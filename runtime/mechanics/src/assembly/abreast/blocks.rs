@@ -14,7 +14,9 @@ use super::super::accumulate::symmetrised;
 use super::super::axes::Axes;
 use super::super::quadratic::{Quadratic, Quadratics, SIGNED};
 use super::super::rows::Rows;
-use super::{Abreast, AbreastRoom, Beside, CornerShares, Eight, Group, NONE, Register, Walk};
+use super::{
+    Abreast, AbreastRoom, Beside, CornerShares, Eight, Group, NONE, Register, Walk, weighed,
+};
 use crate::element::WIDEST;
 use crate::geometry::lanes::Lanes;
 use crate::geometry::{cross, dot, each};
@@ -205,7 +207,7 @@ impl<S: Simd> OnEdges<'_, S> {
         let q = cross(&at.load_all(&bond_a.eta), &at.load_all(&bond_b.now));
         let turned: [Lanes<S>; 3] = each(|axis| p[axis] + q[axis]);
         let normal: [Lanes<S>; 3] = each(|axis| at.splat(edge.normal[axis]));
-        let shares: CornerShares<S> = at.own_share();
+        let shares: CornerShares<S> = at.own_share::<MASKED>();
         let shares = shares.with::<MASKED, 3>(at, bond_a).with::<MASKED, 3>(at, bond_b);
         let (mut p, mut m) = ([zero; 3], [zero; 6]);
         for third in &self.edges.thirds[edge.thirds.clone()] {
@@ -221,8 +223,9 @@ impl<S: Simd> OnEdges<'_, S> {
                 let grown = dot(&turned, &now) + dot(&normal, &at.load_all(&bond.eta));
                 let changed = law.changed::<SIGNED, true>(zero, grown);
                 let shares = shares.with::<MASKED, 3>(at, bond);
-                let first = shares.weigh(changed.first);
-                let second = shares.weigh(changed.second);
+                let weight = shares.weight();
+                let first = weighed(changed.first, weight);
+                let second = weighed(changed.second, weight);
                 let [x, y, z] = now;
                 p = [p[0] + first * x, p[1] + first * y, p[2] + first * z];
                 let [sx, sy, sz] = [second * x, second * y, second * z];

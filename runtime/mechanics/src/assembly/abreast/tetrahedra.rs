@@ -17,7 +17,7 @@ use super::super::quadratic::{Quadratic, Quadratics, SIGNED};
 use super::super::rows::Rows;
 use super::super::sum::Sum;
 use super::blocks::{BlockSweep, Edges, Third};
-use super::{Abreast, AbreastRoom, Added, Beside, Cliques, CornerShares, NONE, Register};
+use super::{Abreast, AbreastRoom, Added, Beside, Cliques, CornerShares, NONE, Register, weighed};
 use crate::element::THIN;
 use crate::geometry::lanes::Lanes;
 use crate::geometry::{cross, dot, each};
@@ -223,7 +223,7 @@ impl Cliques<3> for &TetrahedronRuns {
             let (eta, now) = (at.load_all(&bond.eta), at.load_all(&bond.now));
             let mut force = at.load_all(&bond.force);
             let square = at.splat(THIN * THIN) * at.load(&bond.square);
-            let shares = at.own_share().with::<MASKED, 3>(at, bond);
+            let shares = at.own_share::<MASKED>().with::<MASKED, 3>(at, bond);
             for base in &self.bases[self.start[vector]..self.start[vector + 1]] {
                 let mut other = first_of[base.vector as usize];
                 while other != NONE {
@@ -312,8 +312,9 @@ impl TetrahedronRuns {
                     thin = thin * inside;
                 }
                 out.refused = out.refused + (volume * volume).where_less(thin, nothing, zero);
+                let weight = shares.weight();
                 if out.has_forces {
-                    let first = shares.weigh(changed.first);
+                    let first = weighed(changed.first, weight);
                     out.refused = out.refused + first.zero_or_nan();
                     for axis in 0..3 {
                         sum[axis] = sum[axis] + first * now[axis];
@@ -323,7 +324,7 @@ impl TetrahedronRuns {
                     }
                 }
                 if let Some(sum) = &mut out.sum {
-                    let energy = shares.weigh(law.energy(&changed));
+                    let energy = weighed(law.energy(&changed), weight);
                     out.refused = out.refused + energy.zero_or_nan();
                     sum.add_lanes(at.simd, at.number, energy);
                 }

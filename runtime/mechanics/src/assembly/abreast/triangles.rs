@@ -9,7 +9,7 @@ use super::super::axes::{Axes, Wanted};
 use super::super::kind::{AffineLaws, Kind};
 use super::super::quadratic::{Changed, Quadratic, Quadratics, ROOT, SIGNED, SQUARE};
 use super::super::sum::Sum;
-use super::{Abreast, AbreastRoom, Added, Beside, Cliques, CornerShares, NONE, Register};
+use super::{Abreast, AbreastRoom, Added, Beside, Cliques, CornerShares, NONE, Register, weighed};
 use crate::element::THIN;
 use crate::geometry::lanes::Lanes;
 use crate::geometry::{Scalar, dot, each};
@@ -179,7 +179,7 @@ impl<const D: usize, const WAY: u8> Cliques<D> for ByWay<'_, WAY> {
                 now: at.load_all(&bond.now),
                 square: at.load(&bond.square),
                 force: at.load_all(&bond.force),
-                shares: at.own_share().with::<MASKED, D>(at, bond),
+                shares: at.own_share::<MASKED>().with::<MASKED, D>(at, bond),
             };
             for pair in &pairs[start[vector]..start[vector + 1]] {
                 let mut other = first_of[pair.vector as usize];
@@ -234,7 +234,8 @@ impl<S: Simd, const D: usize> First<S, D> {
         let law = Quadratics::new(at.simd, &pair.law);
         let changed: Changed<S> = law.changed::<WAY, false>(square, by);
         let shares = self.shares.with::<MASKED, D>(at, second);
-        let first = shares.weigh(changed.first);
+        let weight = shares.weight();
+        let first = weighed(changed.first, weight);
         let (zero, nothing) = (at.splat(0.0), at.splat(f64::NAN));
         let mut thin = at.splat(THIN * THIN) * self.square * at.load(&second.square);
         if let Some(inside) = shares.inside {
@@ -253,7 +254,7 @@ impl<S: Simd, const D: usize> First<S, D> {
             }
         }
         if let Some(sum) = &mut out.sum {
-            let energy = shares.weigh(law.energy(&changed));
+            let energy = weighed(law.energy(&changed), weight);
             out.refused = out.refused + energy.zero_or_nan();
             sum.add_lanes(at.simd, at.number, energy);
         }

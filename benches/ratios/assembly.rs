@@ -1,6 +1,7 @@
 //! The assembled tangent against plain code that leaves out what ours has to do.
 
 use piola_compiler::Measure;
+use piola_runtime::assembly::DiscreteEnergy;
 use piola_runtime::energy::Energy;
 use piola_runtime::matrix::BlockMatrix;
 
@@ -16,7 +17,8 @@ pub(crate) fn run() -> Vec<Table> {
     let mut table = Table::of_ratios(
         "assembly",
         "Gradient and tangent of n = 1 per interaction, horizon 3, one thread, time of the thread; \
-         runs in turn. The plain code knows neither displacements nor guards nor energies.",
+         runs in turn. In batches: along lists of neighbours, as on clouds. The plain code knows neither \
+         displacements nor guards nor energies.",
         ["ours, ns", "plain, ns"],
         Division::OursByTheirs,
     );
@@ -36,23 +38,33 @@ fn compare(
 ) {
     let body = cube(points);
     let u = displacement(&body);
-    let energy = SethHill::new(1.0).energy(&body, HORIZON, &[measure]);
+    let energy = || SethHill::new(1.0).energy(&body, HORIZON, &[measure]);
+    let ways = [energy(), energy().in_batches()];
     let mut plain = Plain::new(&body, HORIZON, &u);
-    let mut gradient = vec![0.0; u.len()];
-    let mut tangent = BlockMatrix::zeros(energy.pattern());
-    let mut count = 0;
-    let mut ours = || {
-        energy.tangent(&u, &mut gradient, &mut tangent).expect("all is finite");
+    let tangent = BlockMatrix::zeros(ways[0].pattern());
+    let mut found = [(vec![0.0; u.len()], tangent.clone()), (vec![0.0; u.len()], tangent)];
+    let [first, second] = &mut found;
+    let assemble = |energy: &DiscreteEnergy, (gradient, tangent): &mut (Vec<f64>, BlockMatrix)| {
+        energy.tangent(&u, gradient, tangent).expect("all is finite");
     };
-    let mut reference = || count = theirs(&mut plain);
-    let [ours, theirs] = in_turn(ROUNDS, Clock::Thread, [&mut ours, &mut reference]);
-    let report = energy.report();
+    let mut count = 0;
+    let times = in_turn(
+        ROUNDS,
+        Clock::Thread,
+        [&mut || assemble(&ways[0], first), &mut || assemble(&ways[1], second), &mut || {
+            count = theirs(&mut plain)
+        }],
+    );
+    let report = ways[0].report();
     assert_eq!(count, report.triangles + report.tetrahedra, "the same interactions");
-    assert_close("gradient", &gradient, plain.gradient.as_flattened());
-    assert_close("tangent", &tangent.values, plain.tangent.as_flattened());
-    let each = |seconds: f64| seconds / count as f64 * 1e9;
-    let (ours, theirs) = (each(ours.least()), each(theirs.least()));
-    table.ratio(what, [ours, theirs], Statistic::Least(ROUNDS), Bar::AtMost(1.0, 0.55));
+    for (gradient, tangent) in &found {
+        assert_close("gradient", gradient, plain.gradient.as_flattened());
+        assert_close("tangent", &tangent.values, plain.tangent.as_flattened());
+    }
+    let [ours, batches, theirs] = times.map(|times| times.least() / count as f64 * 1e9);
+    let of = Statistic::Least(ROUNDS);
+    table.ratio(what, [ours, theirs], of, Bar::AtMost(1.0, 0.55));
+    table.ratio(format!("{what}, in batches"), [batches, theirs], of, Bar::None);
 }
 
 /// Both compute the same, to rounding.

@@ -35,12 +35,22 @@ fn body(counts: &[usize], nodes: Nodes) -> Arc<Body> {
     Arc::new(Body::new(d, &positions.concat(), &volumes, Some(SPACING)))
 }
 
-fn bodies() -> [Arc<Body>; 3] {
+fn bodies() -> [Arc<Body>; 4] {
     [
         body(&[31, 23], Nodes::Cells),
         body(&[26, 21], Nodes::Corners),
         body(&[14, 9, 13], Nodes::Corners),
+        pieces(&body(&[10, 7, 9], Nodes::Corners)),
     ]
+}
+
+/// The same points in two pieces, the upper one listed first: some bonds of a vector go from the lower to
+/// the upper point, others back.
+fn pieces(of: &Body) -> Arc<Body> {
+    let points = of.positions().chunks(of.dimension()).zip(of.volumes());
+    let (upper, lower): (Vec<_>, Vec<_>) = points.partition(|(x, _)| x[1] > 32.05);
+    let (positions, volumes): (Vec<&[f64]>, Vec<f64>) = upper.into_iter().chain(lower).unzip();
+    Arc::new(Body::new(of.dimension(), &positions.concat(), &volumes, of.spacing()))
 }
 
 fn laws(psi: &str, level: Level, d: usize) -> Laws {

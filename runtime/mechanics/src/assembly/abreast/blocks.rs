@@ -72,7 +72,7 @@ impl Edges {
             let [a, b] = pair.map(|vector| runs.vectors::<3>()[vector as usize]);
             let way: [f64; 3] = each(|axis| b[axis] - a[axis]);
             let of_ends = pair.map(|vector| runs.materials(vector as usize)[1]);
-            // Of the two orders of a pair one is that of the points.
+            // Of the two orders of a pair that of the points has a bond; both, where bonds go both ways.
             let Some(between) = runs.vector(&way, of_ends) else { continue };
             let (first, normal) = (all.len(), cross(&a, &b));
             all.extend(thirds);
@@ -175,7 +175,9 @@ impl<S: Simd> OnEdges<'_, S> {
                 while b != NONE {
                     let bond_b = &self.bonds[b as usize];
                     let owners = bond_a.owners & bond_b.owners & here;
-                    if !MASKED || owners != 0 {
+                    // Where points do not follow each other as their vectors do, both orders are listed.
+                    let is_in_order = bond_a.other < bond_b.other;
+                    if is_in_order && (!MASKED || owners != 0) {
                         let ends = (&bond_a.now, &bond_b.now);
                         let (p, m) = self.moments::<MASKED>(edge, owners, bond_a, bond_b);
                         let block = self.blocks((p, m), ends, [a, b], members);

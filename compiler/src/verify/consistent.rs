@@ -104,10 +104,9 @@ pub(super) fn compare(
             [&strict, &fast, &interpreted].map(|all| [all.psi[k], all.dpsi[k], all.d2psi[k]]);
         found.count(&strict, &interpreted);
         let (dual, truth) = witness.expected(*point, [strict, fast]);
-        found.undecided +=
-            usize::from(dual.as_ref().is_none_or(|dual| {
-                truth.as_ref().is_some_and(|truth| !truth.is_near(&dual.values))
-            }));
+        let is_decided =
+            |truth: &Expected| dual.as_ref().is_none_or(|dual| !truth.is_near(&dual.values));
+        found.undecided += usize::from(truth.as_ref().is_some_and(is_decided));
         // Or nobody can say.
         let Some(expected) = truth.as_ref().or(dual.as_ref()) else { continue };
         let has_digits = || witness.next.iter().all(|next| next.has_digits(k, *point));

@@ -108,6 +108,13 @@ fn state(energy: &DiscreteEnergy, u: &[f64]) -> State {
     energy.evaluate(u, Wanted::Forces(&mut others[1]), &mut []).unwrap();
     assert!(found.iter().all(|found| *found == parts), "{found:?}, {parts:?}");
     assert!(others.iter().all(|other| *other == forces));
+    let (d, row_start) = (energy.body().dimension(), &energy.pattern().row_start);
+    let mut diagonal = vec![0.0; u.len() * d];
+    energy.evaluate(u, Wanted::Diagonal(&mut others[1], &mut diagonal), &mut found[1]).unwrap();
+    assert!(others[1] == forces && found[1] == parts);
+    for (point, own) in diagonal.chunks(d * d).enumerate() {
+        assert_eq!(own, &tangent.values[row_start[point] * d * d..][..d * d]);
+    }
     let p: Vec<f64> = u.iter().rev().copied().collect();
     let mut product = vec![f64::NAN; u.len()];
     energy.hessian(u).unwrap().multiply(&p, &mut product);
@@ -291,6 +298,7 @@ fn threads_do_not_change_a_bit() {
             pool.install(|| state(&energy, &u))
         });
         assert!(one.parts == two.parts && one.forces == two.forces && one.product == two.product);
+        assert!(one.tangent == two.tangent);
     }
 }
 

@@ -100,12 +100,13 @@ pub(super) struct AbreastRoom<const D: usize> {
 }
 
 impl<const D: usize> AbreastRoom<D> {
-    /// For bonds of so many vectors.
-    pub(super) fn new(n_vectors: usize) -> AbreastRoom<D> {
+    /// For bonds of so many vectors, and for tangents.
+    pub(super) fn new(n_vectors: usize, has_blocks: bool) -> AbreastRoom<D> {
         // Few groups have bonds of one vector with more than two places.
         let groups = GroupRoom::with_capacity(3 * n_vectors);
         let bonds = Vec::with_capacity(3 * n_vectors);
-        AbreastRoom { groups, bonds, first: vec![NONE; n_vectors], members: Vec::new() }
+        let members = Vec::with_capacity(if has_blocks { 3 * n_vectors } else { 0 });
+        AbreastRoom { groups, bonds, first: vec![NONE; n_vectors], members }
     }
 }
 
@@ -286,22 +287,25 @@ impl Group<'_> {
         }
     }
 
-    /// Adds the forces to their points.
+    /// Adds the forces to their points, bond by bond for all owners, whatever the width of registers.
     #[inline(always)]
     fn scatter<S: Simd, const D: usize>(&self, simd: S, bonds: &[Beside<D>], axes: &mut Axes) {
         let place = |point: isize| (point + WIDEST as isize - axes.first as isize) as usize;
         let own = place(self.first as isize);
         for axis in 0..D {
             let force = &mut axes.other[axis * axes.stride..][..axes.stride];
-            for register in 0..WIDEST / Lanes::<S>::WIDTH {
-                let mut sum = Lanes::splat(simd, 0.0);
-                for bond in bonds {
+            let mut sum = [0.0; WIDEST];
+            for bond in bonds {
+                let to = &mut force[place(bond.other)..];
+                for register in 0..WIDEST / Lanes::<S>::WIDTH {
                     let part = Lanes::load(simd, &bond.force[axis], register);
-                    sum = sum + part;
-                    let to = &mut force[place(bond.other)..];
+                    (Lanes::load(simd, &sum, register) + part).store(&mut sum, register);
                     (Lanes::load(simd, to, register) + part).store(to, register);
                 }
-                let from = &mut force[own..];
+            }
+            let from = &mut force[own..];
+            for register in 0..WIDEST / Lanes::<S>::WIDTH {
+                let sum = Lanes::load(simd, &sum, register);
                 (Lanes::load(simd, from, register) - sum).store(from, register);
             }
         }

@@ -117,16 +117,17 @@ impl OnLattice {
         tetrahedra.add(owners(energy, slab), wanted, axes, abreast)
     }
 
-    /// Adds their tangent behind that, at the displacements in `axes`; whether that is done.
+    /// Adds their tangent behind that, at the displacements in `axes`.
     pub(super) fn add_tetrahedron_blocks(
         &self,
         energy: &DiscreteEnergy,
         slab: usize,
         room: (&mut Axes, &mut AbreastRoom<3>),
         rows: &mut Rows<'_>,
-    ) -> bool {
-        let Some(tetrahedra) = &self.tetrahedra else { return false };
-        tetrahedra.add_blocks(&energy.neighborhood, owners(energy, slab), room, rows)
+    ) {
+        if let Some(tetrahedra) = &self.tetrahedra {
+            tetrahedra.add_blocks(&energy.neighborhood, owners(energy, slab), room, rows);
+        }
     }
 }
 

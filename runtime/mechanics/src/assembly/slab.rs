@@ -92,7 +92,10 @@ impl<const D: usize> Room<D> {
             gathered: energy.kinds().map(|kind| kind.map(|kind| Gathered::new(kind, members))),
             bonds: energy.bonds.as_ref().map(|kind| BondRoom::new(energy, kind)),
             axes: if on_lattice.is_empty() { Axes::default() } else { Axes::new(energy) },
-            abreast: AbreastRoom::new(on_lattice.vectors_abreast::<D>()),
+            abreast: AbreastRoom::new(
+                on_lattice.vectors_abreast::<D>(),
+                on_lattice.tetrahedra.is_some(),
+            ),
             fours: FoursRoom::default(),
             pairs: PairNumbers::with_capacity(of_tetrahedra),
             by_pairs: TetrahedronSums::with_capacity(of_tetrahedra),
@@ -157,8 +160,8 @@ impl<'a> SlabTask<'a> {
         room: &mut Room<3>,
     ) -> Result<Sum, NonFinite> {
         let known = visit.tetrahedra_abreast(room, &mut self.rows);
-        let (sum, with_blocks) = known.unwrap_or_default();
-        let left = Left { with_blocks, ..Left::new(visit, known.is_some()) };
+        let sum = known.unwrap_or_default();
+        let left = Left { with_blocks: known.is_some(), ..Left::new(visit, known.is_some()) };
         let Room { cliques, gathered: [_, _, gathered], pairs, by_pairs, sums, .. } = room;
         let Some(gathered) = gathered.as_mut().filter(|_| !left.is_nothing()) else {
             return Ok(sum);
@@ -231,8 +234,8 @@ impl Visit<'_> {
         known.unwrap_or_default()
     }
 
-    /// The same for tetrahedra, and whether their blocks are added, too.
-    fn tetrahedra_abreast(&self, room: &mut Room<3>, rows: &mut Rows<'_>) -> Option<(Sum, bool)> {
+    /// The same for tetrahedra, with their blocks.
+    fn tetrahedra_abreast(&self, room: &mut Room<3>, rows: &mut Rows<'_>) -> Option<Sum> {
         let Room { axes, abreast, .. } = room;
         let (energy, wanted) = (self.energy, Wanted::Order(self.order));
         let lattice = &energy.on_lattice;
@@ -240,9 +243,10 @@ impl Visit<'_> {
         if wanted.has_forces() {
             axes.each::<3>(|point, part| rows.add_gradient(point, part));
         }
-        let with_blocks = self.order == Order::Tangent
-            && lattice.add_tetrahedron_blocks(energy, self.slab, (axes, abreast), rows);
-        Some((sum, with_blocks))
+        if self.order == Order::Tangent {
+            lattice.add_tetrahedron_blocks(energy, self.slab, (axes, abreast), rows);
+        }
+        Some(sum)
     }
 }
 
@@ -283,8 +287,9 @@ fn bonds<const D: usize>(
 #[derive(Clone, Copy)]
 struct Left<'a> {
     order: Order,
-    /// Whether forces and energies are known of all owners but the `rest`, and blocks, too.
+    /// Whether forces and energies are known of all owners but the `rest`.
     is_known: bool,
+    /// Whether their blocks are added, too.
     with_blocks: bool,
     /// Owners whose interactions are no longer all there.
     rest: Option<&'a Bits>,

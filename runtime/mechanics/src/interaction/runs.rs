@@ -342,18 +342,6 @@ impl Runs {
         Groups { owners, coming: self.of_slab(slab), room }
     }
 
-    /// The number of a vector of bonds from points of one material to those of another, where there are such.
-    pub(crate) fn vector<const D: usize>(&self, way: &[f64; D], joined: [u8; 2]) -> Option<u32> {
-        let is_it = |(number, vector): &(usize, &[f64; D])| {
-            let off = |axis: usize| (vector[axis] - way[axis]).abs();
-            let size = |axis: usize| TOLERANCE * way[axis].abs();
-            // Differences of whole spacings are whole ones but for rounding.
-            (0..D).all(|axis| off(axis) <= size(axis)) && self.materials(*number) == joined
-        };
-        let found = self.vectors::<D>().iter().enumerate().find(is_it)?;
-        Some(found.0 as u32)
-    }
-
     /// How many vectors there are.
     pub(crate) fn n_vectors<const D: usize>(&self) -> usize {
         self.vectors::<D>().len()

@@ -28,14 +28,11 @@ use crate::neighborhood::Neighborhood;
 pub(super) struct Edges {
     edges: Vec<Edge>,
     thirds: Vec<Third>,
-    places: Places,
 }
 
-/// Two bonds of an owner whose other ends are neighbours, the end of the first before that of the second.
+/// Two bonds of an owner whose other ends are neighbours.
 struct Edge {
     vectors: [u32; 2],
-    /// The bond between their ends.
-    between: u32,
     /// The cross product at rest, in m^2.
     normal: [f64; 3],
     thirds: Range<usize>,
@@ -45,64 +42,30 @@ struct Edge {
 #[derive(Clone, Copy)]
 pub(super) struct Third {
     pub(super) vector: u32,
-    /// The number of the law, by the volume with the sign of the three bonds in their order; behind it comes
-    /// that of the other sign, whose number differs in the last bit.
+    /// The number of the law, by the volume with the sign of the three bonds in their order; that of the other
+    /// sign differs in the last bit.
     pub(super) law: u32,
 }
 
 impl Edges {
-    /// From triples of vectors with their laws; nothing where a point has too many neighbours.
-    pub(super) fn new(
-        runs: &Runs,
-        neighborhood: &Neighborhood,
-        tetrahedra: impl Iterator<Item = ([u32; 3], u32)>,
-    ) -> Option<Edges> {
+    /// From triples of vectors, the second of lower number than the first and the third than the second, with
+    /// their laws.
+    pub(super) fn new(runs: &Runs, tetrahedra: impl Iterator<Item = ([u32; 3], u32)>) -> Edges {
         let mut of_pairs: BTreeMap<[u32; 2], Vec<Third>> = BTreeMap::new();
         for ([a, b, c], law) in tetrahedra {
-            // The volume is the same when the three go round, and changes its sign when two change places.
-            let turned = law ^ 1;
-            for (pair, vector) in [([a, b], c), ([b, c], a), ([c, a], b)] {
+            // The volume changes its sign when two of the three change places.
+            for (pair, vector, law) in [([a, b], c, law), ([b, c], a, law), ([a, c], b, law ^ 1)] {
                 of_pairs.entry(pair).or_default().push(Third { vector, law });
-                let [first, second] = pair;
-                of_pairs.entry([second, first]).or_default().push(Third { vector, law: turned });
             }
         }
         let (mut edges, mut all) = (Vec::new(), Vec::new());
-        for (pair, thirds) in of_pairs {
-            let [a, b] = pair.map(|vector| runs.vectors::<3>()[vector as usize]);
-            let way: [f64; 3] = each(|axis| b[axis] - a[axis]);
-            let of_ends = pair.map(|vector| runs.materials(vector as usize)[1]);
-            // Of the two orders of a pair that of the points has a bond; both, where bonds go both ways.
-            let Some(between) = runs.vector(&way, of_ends) else { continue };
+        for (vectors, thirds) in of_pairs {
+            let [a, b] = vectors.map(|vector| runs.vectors::<3>()[vector as usize]);
             let (first, normal) = (all.len(), cross(&a, &b));
             all.extend(thirds);
-            edges.push(Edge { vectors: pair, between, normal, thirds: first..all.len() });
+            edges.push(Edge { vectors, normal, thirds: first..all.len() });
         }
-        let places = Places::new(runs, neighborhood)?;
-        Some(Edges { edges, thirds: all, places })
-    }
-}
-
-/// Which of a point's later neighbours is at the end of each vector.
-struct Places {
-    places: Vec<u16>,
-    n_vectors: usize,
-}
-
-impl Places {
-    fn new(runs: &Runs, neighborhood: &Neighborhood) -> Option<Places> {
-        let n_vectors = runs.n_vectors::<3>();
-        let mut places = vec![u16::MAX; n_vectors * neighborhood.n_points()];
-        for ([owner, other], vector) in runs.bonds() {
-            let place = neighborhood.upper(owner).before(other as u32);
-            places[owner * n_vectors + vector] = u16::try_from(place).ok()?;
-        }
-        Some(Places { places, n_vectors })
-    }
-
-    #[inline(always)]
-    fn of(&self, point: usize, vector: u32) -> usize {
-        usize::from(self.places[point * self.n_vectors + vector as usize])
+        Edges { edges, thirds: all }
     }
 }
 
@@ -120,6 +83,7 @@ pub(super) struct BlockSweep<'a, 'r> {
     pub(super) of: &'a Abreast,
     pub(super) edges: &'a Edges,
     pub(super) laws: &'a [Quadratic],
+    pub(super) neighborhood: &'a Neighborhood,
     pub(super) owners: (Range<usize>, Option<&'a Bits>),
     pub(super) axes: &'a Axes,
     pub(super) room: &'a mut AbreastRoom<3>,
@@ -131,34 +95,34 @@ impl WithSimd for BlockSweep<'_, '_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let BlockSweep { of, edges, laws, owners, axes, room, rows } = self;
+        let BlockSweep { of, edges, laws, neighborhood, owners, axes, room, rows } = self;
         let AbreastRoom { groups, bonds, first: first_of, members } = room;
         let mut walk = Walk::new(of, axes.slab, owners, groups);
         while let Some((group, is_whole)) = walk.next(simd, axes, bonds, first_of) {
             members.clear();
             let nothing = Member { own: [[0.0; WIDEST]; 6], column: [[0.0; WIDEST]; 9] };
             members.resize(bonds.len(), nothing);
-            for number in 0..WIDEST / Lanes::<S>::WIDTH {
-                let at = Register { simd, group: &group, number };
-                let on_edges = OnEdges { edges, laws, bonds, first_of, at };
-                if is_whole {
-                    on_edges.add::<false>(members, rows);
-                } else {
-                    on_edges.add::<true>(members, rows);
-                }
+            let group = &group;
+            let on_edges = OnEdges { simd, group, edges, laws, neighborhood, bonds, first_of };
+            if is_whole {
+                on_edges.add::<false>(members, rows);
+            } else {
+                on_edges.add::<true>(members, rows);
             }
-            write(&group, &edges.places, (bonds, members), rows);
+            on_edges.write(members, rows);
         }
     }
 }
 
-/// The edges of the owners in one register.
+/// The edges of a group of owners.
 struct OnEdges<'a, S: Simd> {
+    simd: S,
+    group: &'a Group<'a>,
     edges: &'a Edges,
     laws: &'a [Quadratic],
+    neighborhood: &'a Neighborhood,
     bonds: &'a [Beside<3>],
     first_of: &'a [u32],
-    at: Register<'a, S>,
 }
 
 type Matrix<S> = [[Lanes<S>; 3]; 3];
@@ -166,29 +130,44 @@ type Matrix<S> = [[Lanes<S>; 3]; 3];
 impl<S: Simd> OnEdges<'_, S> {
     #[inline(always)]
     fn add<const MASKED: bool>(&self, members: &mut [Member], rows: &mut Rows<'_>) {
-        let here = self.at.owners();
         for edge in &self.edges.edges {
             let mut a = self.first_of[edge.vectors[0] as usize];
             while a != NONE {
-                let bond_a = &self.bonds[a as usize];
                 let mut b = self.first_of[edge.vectors[1] as usize];
                 while b != NONE {
-                    let bond_b = &self.bonds[b as usize];
-                    let owners = bond_a.owners & bond_b.owners & here;
-                    // Where points do not follow each other as their vectors do, both orders are listed.
-                    let is_in_order = bond_a.other < bond_b.other;
-                    if is_in_order && (!MASKED || owners != 0) {
-                        let ends = (&bond_a.now, &bond_b.now);
-                        let (p, m) = self.moments::<MASKED>(edge, owners, bond_a, bond_b);
-                        let block = self.blocks((p, m), ends, [a, b], members);
-                        if rows.has_couplings() {
-                            self.write_block(edge, bond_a, owners, &block, rows);
-                        }
-                    }
-                    b = bond_b.next;
+                    self.add_edge::<MASKED>(edge, [a, b], members, rows);
+                    b = self.bonds[b as usize].next;
                 }
-                a = bond_a.next;
+                a = self.bonds[a as usize].next;
             }
+        }
+    }
+
+    /// Adds the edge between the ends of two bonds, for all owners that have both.
+    #[inline(always)]
+    fn add_edge<const MASKED: bool>(
+        &self,
+        edge: &Edge,
+        [a, b]: [u32; 2],
+        members: &mut [Member],
+        rows: &mut Rows<'_>,
+    ) {
+        let [bond_a, bond_b] = [a, b].map(|bond| &self.bonds[bond as usize]);
+        let owners = bond_a.owners & bond_b.owners;
+        if MASKED && owners == 0 {
+            return;
+        }
+        let mut block = [[0.0; WIDEST]; 9];
+        for number in 0..WIDEST / Lanes::<S>::WIDTH {
+            let at = Register { simd: self.simd, group: self.group, number };
+            if !MASKED || owners & at.owners() != 0 {
+                let moments = self.moments::<MASKED>(at, edge, bond_a, bond_b);
+                let ends = [(a, &bond_a.now), (b, &bond_b.now)];
+                add_blocks(at, moments, ends, members, &mut block);
+            }
+        }
+        if rows.has_couplings() {
+            self.write_block([bond_a.other, bond_b.other], owners, &block, rows);
         }
     }
 
@@ -197,17 +176,18 @@ impl<S: Simd> OnEdges<'_, S> {
     #[inline(always)]
     fn moments<const MASKED: bool>(
         &self,
+        at: Register<'_, S>,
         edge: &Edge,
-        owners: u8,
         bond_a: &Beside<3>,
         bond_b: &Beside<3>,
     ) -> ([Lanes<S>; 3], Matrix<S>) {
-        let (at, zero) = (self.at, self.at.splat(0.0));
+        let (zero, owners) = (at.splat(0.0), bond_a.owners & bond_b.owners & at.owners());
         let vectors = at.group.of.runs.vectors::<3>();
         let rest: [Lanes<S>; 3] = each(|axis| at.splat(vectors[edge.vectors[0] as usize][axis]));
-        let p = cross(&rest, &at.load_all(&bond_b.eta));
-        let q = cross(&at.load_all(&bond_a.eta), &at.load_all(&bond_b.now));
-        let turned: [Lanes<S>; 3] = each(|axis| p[axis] + q[axis]);
+        let moved = cross(&rest, &at.load_all(&bond_b.eta));
+        let turned = cross(&at.load_all(&bond_a.eta), &at.load_all(&bond_b.now));
+        // How much the normal has grown.
+        let grown: [Lanes<S>; 3] = each(|axis| moved[axis] + turned[axis]);
         let normal: [Lanes<S>; 3] = each(|axis| at.splat(edge.normal[axis]));
         let shares: CornerShares<S> = at.own_share::<MASKED>();
         let shares = shares.with::<MASKED, 3>(at, bond_a).with::<MASKED, 3>(at, bond_b);
@@ -222,8 +202,8 @@ impl<S: Simd> OnEdges<'_, S> {
                     continue;
                 }
                 let now = at.load_all(&bond.now);
-                let grown = dot(&turned, &now) + dot(&normal, &at.load_all(&bond.eta));
-                let changed = law.changed::<SIGNED, true>(zero, grown);
+                let change = dot(&grown, &now) + dot(&normal, &at.load_all(&bond.eta));
+                let changed = law.changed::<SIGNED, true>(zero, change);
                 let shares = shares.with::<MASKED, 3>(at, bond);
                 let weight = shares.weight();
                 let first = weighed(changed.first, weight);
@@ -245,62 +225,82 @@ impl<S: Simd> OnEdges<'_, S> {
         (p, [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     }
 
-    /// The block of an edge, which is added to what its ends have.
+    /// Adds the blocks of an edge to the rows of the first of its points, which is the same end for all owners.
     #[inline(always)]
-    fn blocks(
-        &self,
-        (p, m): ([Lanes<S>; 3], Matrix<S>),
-        (now_a, now_b): (&[Eight; 3], &[Eight; 3]),
-        [a, b]: [u32; 2],
-        members: &mut [Member],
-    ) -> [Eight; 9] {
-        let at = self.at;
-        let (xa, xb) = (at.load_all(now_a), at.load_all(now_b));
-        let (from_a, from_b) = (rows_crossed(&xa, &m), rows_crossed(&xb, &m));
-        let mixed = crossed(&xb, &from_a);
-        let zero = at.splat(0.0);
-        let twist = [[zero, p[2], -p[1]], [-p[2], zero, p[0]], [p[1], -p[0], zero]];
-        let mut block = [[0.0; WIDEST]; 9];
-        for r in 0..3 {
-            for c in 0..3 {
-                let part = twist[r][c] - mixed[r][c];
-                part.store(&mut block[3 * r + c], at.number);
-                for (member, place) in [(b, 3 * r + c), (a, 3 * c + r)] {
-                    let sum = &mut members[member as usize].column[place];
-                    (at.load(sum) + part).store(sum, at.number);
-                }
+    fn write_block(&self, [a, b]: [isize; 2], owners: u8, block: &[Eight; 9], rows: &mut Rows<'_>) {
+        let (low, high, order) = match a < b {
+            true => (a, b, [0, 1, 2, 3, 4, 5, 6, 7, 8]),
+            false => (b, a, [0, 3, 6, 1, 4, 7, 2, 5, 8]),
+        };
+        for lane in (0..WIDEST).filter(|lane| owners >> lane & 1 == 1) {
+            let [low, high] = [low, high].map(|point| (point + lane as isize) as usize);
+            let place = self.neighborhood.upper(low).before(high as u32);
+            let to = rows.blocks::<3>(low, 1 + place, 1);
+            for (to, part) in to.iter_mut().zip(order) {
+                *to += block[part][lane];
             }
         }
-        for (member, full) in [(a, crossed(&xb, &from_b)), (b, crossed(&xa, &from_a))] {
-            let own = &mut members[member as usize].own;
-            for (place, [r, c]) in UPPER.into_iter().enumerate() {
-                let part = at.splat(0.5) * full[r][c];
-                (at.load(&own[place]) + part).store(&mut own[place], at.number);
-            }
-        }
-        block
     }
 
-    /// Adds the block of an edge to the rows of its first ends.
-    #[inline(always)]
-    fn write_block(
-        &self,
-        edge: &Edge,
-        bond_a: &Beside<3>,
-        owners: u8,
-        block: &[Eight; 9],
-        rows: &mut Rows<'_>,
-    ) {
-        let width = Lanes::<S>::WIDTH;
-        for lane in self.at.number * width..(self.at.number + 1) * width {
-            if owners >> lane & 1 == 1 {
-                let point = (bond_a.other + lane as isize) as usize;
-                let place = self.edges.places.of(point, edge.between);
-                let to = rows.blocks::<3>(point, 1 + place, 1);
-                for (to, part) in to.iter_mut().zip(block) {
-                    *to += part[lane];
+    /// Adds what the members and owners of the group have: their own blocks, and those of owners with members,
+    /// for rows of a tangent sum to nothing.
+    fn write(&self, members: &[Member], rows: &mut Rows<'_>) {
+        for lane in (0..WIDEST).filter(|lane| self.group.here >> lane & 1 == 1) {
+            let (owner, mut total) = (self.group.first + lane, [[0.0; 3]; 3]);
+            for (bond, member) in self.bonds.iter().zip(members) {
+                if bond.owners >> lane & 1 == 0 {
+                    continue;
+                }
+                let own = symmetric(&member.own, lane);
+                let mut coupling = [[0.0; 3]; 3];
+                for r in 0..3 {
+                    for c in 0..3 {
+                        let sum = member.column[3 * r + c][lane] + own[r][c];
+                        total[r][c] += sum;
+                        coupling[r][c] = -sum;
+                    }
+                }
+                let point = (bond.other + lane as isize) as usize;
+                rows.add_block(point, 0, &own);
+                if rows.has_couplings() {
+                    let place = self.neighborhood.upper(owner).before(point as u32);
+                    rows.add_block(owner, 1 + place, &coupling);
                 }
             }
+            rows.add_block(owner, 0, &symmetrised(&total));
+        }
+    }
+}
+
+/// The block of an edge, which is also added to what its ends have.
+#[inline(always)]
+fn add_blocks<S: Simd>(
+    at: Register<'_, S>,
+    (p, m): ([Lanes<S>; 3], Matrix<S>),
+    [(a, now_a), (b, now_b)]: [(u32, &[Eight; 3]); 2],
+    members: &mut [Member],
+    block: &mut [Eight; 9],
+) {
+    let (xa, xb) = (at.load_all(now_a), at.load_all(now_b));
+    let (from_a, from_b) = (rows_crossed(&xa, &m), rows_crossed(&xb, &m));
+    let mixed = crossed(&xb, &from_a);
+    let zero = at.splat(0.0);
+    let twist = [[zero, p[2], -p[1]], [-p[2], zero, p[0]], [p[1], -p[0], zero]];
+    for r in 0..3 {
+        for c in 0..3 {
+            let part = twist[r][c] - mixed[r][c];
+            part.store(&mut block[3 * r + c], at.number);
+            for (member, place) in [(b, 3 * r + c), (a, 3 * c + r)] {
+                let sum = &mut members[member as usize].column[place];
+                (at.load(sum) + part).store(sum, at.number);
+            }
+        }
+    }
+    for (member, full) in [(a, crossed(&xb, &from_b)), (b, crossed(&xa, &from_a))] {
+        let own = &mut members[member as usize].own;
+        for (place, [r, c]) in UPPER.into_iter().enumerate() {
+            let part = at.splat(0.5) * full[r][c];
+            (at.load(&own[place]) + part).store(&mut own[place], at.number);
         }
     }
 }
@@ -325,38 +325,6 @@ fn crossed<S: Simd>(x: &[Lanes<S>; 3], rows: &Matrix<S>) -> Matrix<S> {
         }
     }
     product
-}
-
-/// Adds what the members and owners of a group have: their own blocks, and those of owners with members,
-/// for rows of a tangent sum to nothing.
-fn write(
-    group: &Group<'_>,
-    places: &Places,
-    (bonds, members): (&[Beside<3>], &[Member]),
-    rows: &mut Rows<'_>,
-) {
-    for lane in (0..WIDEST).filter(|lane| group.here >> lane & 1 == 1) {
-        let (owner, mut total) = (group.first + lane, [[0.0; 3]; 3]);
-        for (bond, member) in bonds.iter().zip(members) {
-            if bond.owners >> lane & 1 == 0 {
-                continue;
-            }
-            let own = symmetric(&member.own, lane);
-            let mut coupling = [[0.0; 3]; 3];
-            for r in 0..3 {
-                for c in 0..3 {
-                    let sum = member.column[3 * r + c][lane] + own[r][c];
-                    total[r][c] += sum;
-                    coupling[r][c] = -sum;
-                }
-            }
-            rows.add_block((bond.other + lane as isize) as usize, 0, &own);
-            if rows.has_couplings() {
-                rows.add_block(owner, 1 + places.of(owner, bond.vector), &coupling);
-            }
-        }
-        rows.add_block(owner, 0, &symmetrised(&total));
-    }
 }
 
 fn symmetric(upper: &[Eight; 6], lane: usize) -> [[f64; 3]; 3] {

@@ -25,6 +25,10 @@ use crate::interaction::runs::Runs;
 use crate::interaction::{Bits, Degeneracy};
 use crate::neighborhood::{HORIZON_TOLERANCE, Neighborhood};
 
+/// Most tetrahedra of an owner, 16 MiB of them here and three times as much for tangents: a horizon of five
+/// spacings has 0.9 million, one of six 4 million.
+const MOST: usize = 1 << 21;
+
 /// The tetrahedra of a lattice body with an affine law.
 pub(in crate::assembly) struct TetrahedronRuns {
     abreast: Abreast,
@@ -36,7 +40,7 @@ pub(in crate::assembly) struct TetrahedronRuns {
     /// Those that differ, each followed by the same for the other order of the bonds.
     laws: Vec<Quadratic>,
     /// What tangents need beside; made when the first is asked for.
-    edges: OnceLock<Option<Edges>>,
+    edges: OnceLock<Edges>,
 }
 
 /// Two bonds of an owner whose other ends are neighbours.
@@ -50,19 +54,25 @@ struct Base {
 
 impl TetrahedronRuns {
     /// Nothing of laws that are not affine, and where tetrahedra are so thin at rest that they need twice
-    /// the digits.
+    /// the digits, or too many.
     pub(in crate::assembly) fn new(
         runs: &Arc<Runs>,
         kind: &Kind,
         horizon: f64,
         degeneracy: Degeneracy,
     ) -> Option<TetrahedronRuns> {
-        let laws = kind.affine_laws().filter(|_| !kind.forbids_inversion())?;
+        // Of a measure with a sign laws are by itself, not by its square.
+        let laws =
+            kind.affine_laws().filter(|laws| !laws.by_square && !kind.forbids_inversion())?;
         let (abreast, common) = Abreast::new(runs, kind, 4);
-        let nothing = (Vec::new(), vec![0], Vec::new(), Vec::new());
-        let (bases, start, thirds, known) = nothing;
-        let edges = OnceLock::new();
-        let all = TetrahedronRuns { abreast, bases, start, thirds, laws: known, edges };
+        let all = TetrahedronRuns {
+            abreast,
+            bases: Vec::new(),
+            start: vec![0],
+            thirds: Vec::new(),
+            laws: Vec::new(),
+            edges: OnceLock::new(),
+        };
         let reach = horizon * (1.0 + HORIZON_TOLERANCE);
         let numbers = BTreeMap::new();
         Table { laws, kind, runs, common, reach, degeneracy, numbers, all }.fill()
@@ -85,21 +95,18 @@ impl TetrahedronRuns {
         self.abreast.sweep(self, (owners, wanted), axes, room)
     }
 
-    /// Adds the tangent of the tetrahedra of a slab's owners, but for some, at the displacements in `axes`;
-    /// whether that is done.
+    /// Adds the tangent of the tetrahedra of a slab's owners, but for some, at the displacements in `axes`.
     pub(in crate::assembly) fn add_blocks(
         &self,
         neighborhood: &Neighborhood,
         owners: (Range<usize>, Option<&Bits>),
         (axes, room): (&mut Axes, &mut AbreastRoom<3>),
         rows: &mut Rows<'_>,
-    ) -> bool {
-        let edges =
-            self.edges.get_or_init(|| Edges::new(&self.abreast.runs, neighborhood, self.triples()));
-        let Some(edges) = edges else { return false };
+    ) {
         let (of, laws) = (&self.abreast, &self.laws[..]);
-        self.abreast.arch.dispatch(BlockSweep { of, edges, laws, owners, axes, room, rows });
-        true
+        let edges = self.edges.get_or_init(|| Edges::new(&of.runs, self.triples()));
+        let sweep = BlockSweep { of, edges, laws, neighborhood, owners, axes, room, rows };
+        self.abreast.arch.dispatch(sweep);
     }
 
     /// The vectors of each tetrahedron, and its law.
@@ -187,7 +194,7 @@ impl Table<'_> {
             None => self.add_law(volume, corners)?,
         };
         self.all.thirds.push(Third { vector: bonds[2] as u32, law });
-        Some(())
+        (self.all.thirds.len() <= MOST).then_some(())
     }
 
     /// Adds the law of tetrahedra with this volume at rest, in both orders; nothing where it is not finite.

@@ -57,7 +57,7 @@ pub(crate) fn run() -> Vec<Table> {
 }
 
 /// In runs, and in batches of the same kernels.
-pub(crate) fn both_ways(law: &SethHill, body: &Arc<Body>, measure: Measure) -> [DiscreteEnergy; 2] {
+fn both_ways(law: &SethHill, body: &Arc<Body>, measure: Measure) -> [DiscreteEnergy; 2] {
     [Level::Fast, Level::Strict].map(|level| {
         discrete(body, HORIZON, Weights::Unit, &[measure], |measure| {
             Box::new(MeasureElement::new(measure, 3, Box::new(law.kernel_at(level, measure))))
@@ -149,29 +149,39 @@ fn compare(
     let u = displacement(&body);
     let rows = u.as_chunks::<3>().0;
     let bonds = ByHand::new(&body);
-    let mut theirs = vec![[0.0; 3]; rows.len()];
-    let mut ours = [vec![0.0; u.len()], vec![0.0; u.len()]];
-    let [first, second] = &mut ours;
-    let forces = |energy: &DiscreteEnergy, out: &mut [f64]| {
-        energy.evaluate(&u, Wanted::Forces(out), &mut []).expect("all is finite");
-    };
-    let times = in_turn(
-        ROUNDS,
-        Clock::Wall,
-        [&mut || forces(&in_runs, first), &mut || forces(&in_batches, second), &mut || {
-            by_hand(&bonds, rows, &mut theirs)
-        }],
-    );
-    for ours in &ours {
-        assert_close(name, ours, theirs.as_flattened());
-    }
+    let times = in_three_ways([&in_runs, &in_batches], &u, |out| by_hand(&bonds, rows, out));
     let count = bonds.others.len() as f64;
-    let [runs, batches, theirs] = times.map(|times| times.least() / count * 1e9);
+    let [runs, batches, theirs] = times.map(|seconds| seconds / count * 1e9);
     let thousands = (count / 1e3).round();
     let of = Statistic::Least(ROUNDS);
     let what = |way: &str| format!("{name}, {thousands} thousand bonds, in {way}");
     table.ratio(what("runs"), [runs, theirs], of, bar);
     table.ratio(what("batches"), [batches, theirs], of, Bar::None);
+}
+
+/// The forces of both energies and of a loop by hand, which are the same to rounding; s each takes at least.
+fn in_three_ways(
+    energies: [&DiscreteEnergy; 2],
+    u: &[f64],
+    mut by_hand: impl FnMut(&mut [[f64; 3]]),
+) -> [f64; 3] {
+    let mut theirs = vec![[0.0; 3]; u.len() / 3];
+    let mut ours = [vec![0.0; u.len()], vec![0.0; u.len()]];
+    let [first, second] = &mut ours;
+    let forces = |energy: &DiscreteEnergy, out: &mut [f64]| {
+        energy.evaluate(u, Wanted::Forces(out), &mut []).expect("all is finite");
+    };
+    let times = in_turn(
+        ROUNDS,
+        Clock::Wall,
+        [&mut || forces(energies[0], first), &mut || forces(energies[1], second), &mut || {
+            by_hand(&mut theirs)
+        }],
+    );
+    for ours in &ours {
+        assert_close("forces", ours, theirs.as_flattened());
+    }
+    times.map(|times| times.least())
 }
 
 fn multiply(table: &mut Table, name: &str, law: &SethHill) {

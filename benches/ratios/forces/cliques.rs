@@ -1,14 +1,11 @@
 //! Forces of triangles and of tetrahedra.
 
 use piola_compiler::Measure;
-use piola_runtime::assembly::DiscreteEnergy;
 use piola_runtime::body::Body;
-use piola_runtime::energy::{Energy, Wanted};
+use piola_runtime::energy::Energy;
 use piola_runtime::neighborhood::Neighborhood;
 
-use super::{HORIZON, ROUNDS, both_ways};
-use crate::assembly::assert_close;
-use crate::clock::{Clock, in_turn};
+use super::{HORIZON, ROUNDS, both_ways, in_three_ways};
 use crate::ours::{SethHill, cube, displacement};
 use crate::record::{Bar, Division, Statistic, Table};
 
@@ -46,25 +43,14 @@ fn compare<L: ByHand>(mut table: Table, points: usize, measure: Measure, bar: Ba
     let [on_rows, in_batches] = both_ways(&SethHill::new(1.0), &body, measure);
     let u = displacement(&body);
     let list = L::new(&body);
-    let report = on_rows.report();
-    assert!([report.triangles, report.tetrahedra].contains(&(list.len() as u64)));
-    let mut theirs = vec![[0.0; 3]; u.len() / 3];
-    let mut ours = [vec![0.0; u.len()], vec![0.0; u.len()]];
-    let [first, second] = &mut ours;
-    let forces = |energy: &DiscreteEnergy, out: &mut [f64]| {
-        energy.evaluate(&u, Wanted::Forces(out), &mut []).expect("all is finite");
+    let count = match measure {
+        Measure::Volume => on_rows.report().tetrahedra,
+        _ => on_rows.report().triangles,
     };
-    let times = in_turn(
-        ROUNDS,
-        Clock::Wall,
-        [&mut || forces(&on_rows, first), &mut || forces(&in_batches, second), &mut || {
-            list.forces(u.as_chunks::<3>().0, &mut theirs)
-        }],
-    );
-    for ours in &ours {
-        assert_close("forces", ours, theirs.as_flattened());
-    }
-    let [rows, batches, theirs] = times.map(|times| times.least() / list.len() as f64 * 1e9);
+    assert_eq!(list.len() as u64, count, "the same interactions");
+    let by_hand = |out: &mut [[f64; 3]]| list.forces(u.as_chunks::<3>().0, out);
+    let times = in_three_ways([&on_rows, &in_batches], &u, by_hand);
+    let [rows, batches, theirs] = times.map(|seconds| seconds / count as f64 * 1e9);
     let of = Statistic::Least(ROUNDS);
     table.ratio("owners abreast", [rows, theirs], of, bar);
     table.ratio("in batches", [batches, theirs], of, Bar::None);

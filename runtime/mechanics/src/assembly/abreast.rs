@@ -361,6 +361,29 @@ impl<S: Simd> Register<'_, S> {
     }
 }
 
+/// How much the cross product of two bonds has grown, from the first at rest and from how far the ends of both
+/// have moved; in the plane a number and zeros.
+#[inline(always)]
+fn growth<S: Simd, const D: usize>(
+    rest: &[Lanes<S>; D],
+    eta: &[Lanes<S>; D],
+    (eta_there, now_there): (&[Lanes<S>; D], &[Lanes<S>; D]),
+) -> [Lanes<S>; 3] {
+    let (p, q) = (cross(rest, eta_there), cross(eta, now_there));
+    each(|axis| p[axis] + q[axis])
+}
+
+/// The cross product; in the plane a number and zeros.
+#[inline(always)]
+fn cross<T: Scalar, const D: usize>(p: &[T; D], q: &[T; D]) -> [T; 3] {
+    let at = |r: usize, s: usize| p[r] * q[s] - p[s] * q[r];
+    if D == 2 {
+        let zero = p[0].alike(0.0);
+        return [at(0, 1), zero, zero];
+    }
+    [at(1, 2 % D), at(2 % D, 0), at(0, 1)]
+}
+
 /// What corners have in the weight of an interaction, from the owner on.
 #[derive(Clone, Copy)]
 struct CornerShares<S: Simd> {

@@ -15,7 +15,7 @@ use super::super::axes::Axes;
 use super::super::quadratic::{Quadratic, Quadratics, SIGNED};
 use super::super::rows::Rows;
 use super::{
-    Abreast, AbreastRoom, Beside, CornerShares, Eight, Group, NONE, Register, Walk, weighed,
+    Abreast, AbreastRoom, Beside, CornerShares, Eight, Group, NONE, Register, Walk, growth, weighed,
 };
 use crate::element::WIDEST;
 use crate::geometry::lanes::Lanes;
@@ -30,12 +30,14 @@ pub(super) struct Edges {
     thirds: Vec<Third>,
 }
 
-/// Two bonds of an owner whose other ends are neighbours.
-struct Edge {
-    vectors: [u32; 2],
+/// Two bonds of an owner whose other ends are neighbours: an edge of its tetrahedra.
+pub(super) struct Edge {
+    /// Their numbers, the higher first.
+    pub(super) vectors: [u32; 2],
     /// The cross product at rest, in m^2.
-    normal: [f64; 3],
-    thirds: Range<usize>,
+    pub(super) normal: [f64; 3],
+    /// Where the third bonds stand in a table.
+    pub(super) thirds: Range<usize>,
 }
 
 /// A bond whose other end is a neighbour of those of two others.
@@ -184,10 +186,8 @@ impl<S: Simd> OnEdges<'_, S> {
         let (zero, owners) = (at.splat(0.0), bond_a.owners & bond_b.owners & at.owners());
         let vectors = at.group.of.runs.vectors::<3>();
         let rest: [Lanes<S>; 3] = each(|axis| at.splat(vectors[edge.vectors[0] as usize][axis]));
-        let moved = cross(&rest, &at.load_all(&bond_b.eta));
-        let turned = cross(&at.load_all(&bond_a.eta), &at.load_all(&bond_b.now));
-        // How much the normal has grown.
-        let grown: [Lanes<S>; 3] = each(|axis| moved[axis] + turned[axis]);
+        let (eta, eta_there) = (at.load_all(&bond_a.eta), at.load_all(&bond_b.eta));
+        let grown = growth(&rest, &eta, (&eta_there, &at.load_all(&bond_b.now)));
         let normal: [Lanes<S>; 3] = each(|axis| at.splat(edge.normal[axis]));
         let shares: CornerShares<S> = at.own_share::<MASKED>();
         let shares = shares.with::<MASKED, 3>(at, bond_a).with::<MASKED, 3>(at, bond_b);

@@ -16,8 +16,10 @@ use super::super::kind::{AffineLaws, Kind};
 use super::super::quadratic::{Quadratic, Quadratics, SIGNED};
 use super::super::rows::Rows;
 use super::super::sum::Sum;
-use super::blocks::{BlockSweep, Edges, Third};
-use super::{Abreast, AbreastRoom, Added, Beside, Cliques, CornerShares, NONE, Register, weighed};
+use super::blocks::{BlockSweep, Edge, Edges, Third};
+use super::{
+    Abreast, AbreastRoom, Added, Beside, Cliques, CornerShares, NONE, Register, growth, weighed,
+};
 use crate::element::THIN;
 use crate::geometry::lanes::Lanes;
 use crate::geometry::{cross, dot, each};
@@ -33,23 +35,14 @@ const MOST: usize = 1 << 21;
 pub(in crate::assembly) struct TetrahedronRuns {
     abreast: Abreast,
     /// Pairs of bonds by the first of them, and where those of each vector start.
-    bases: Vec<Base>,
+    bases: Vec<Edge>,
     start: Vec<usize>,
-    /// The tetrahedra on each pair.
+    /// The tetrahedra on each pair, whose third bonds have lower numbers than both.
     thirds: Vec<Third>,
     /// Those that differ, each followed by the same for the other order of the bonds.
     laws: Vec<Quadratic>,
     /// What tangents need beside; made when the first is asked for.
     edges: OnceLock<Edges>,
-}
-
-/// Two bonds of an owner whose other ends are neighbours.
-struct Base {
-    /// The number of the second vector.
-    vector: u32,
-    /// The cross product at rest, in m^2.
-    normal: [f64; 3],
-    thirds: Range<usize>,
 }
 
 impl TetrahedronRuns {
@@ -111,14 +104,11 @@ impl TetrahedronRuns {
 
     /// The vectors of each tetrahedron, and its law.
     fn triples(&self) -> impl Iterator<Item = ([u32; 3], u32)> + '_ {
-        let of_base = |a: usize, base: &Base| {
-            let (b, thirds) = (base.vector, self.thirds[base.thirds.clone()].iter());
-            thirds.map(move |third| ([a as u32, b, third.vector], third.law))
+        let of_base = |base: &Edge| {
+            let ([a, b], thirds) = (base.vectors, &self.thirds[base.thirds.clone()]);
+            thirds.iter().map(move |third| ([a, b, third.vector], third.law))
         };
-        (0..self.start.len() - 1).flat_map(move |a| {
-            let bases = &self.bases[self.start[a]..self.start[a + 1]];
-            bases.iter().flat_map(move |base| of_base(a, base))
-        })
+        self.bases.iter().flat_map(of_base)
     }
 }
 
@@ -151,7 +141,8 @@ impl Table<'_> {
                 let thirds = first..self.all.thirds.len();
                 if !thirds.is_empty() {
                     let [xa, xb] = [a, b].map(|v| self.runs.vectors::<3>()[v]);
-                    self.all.bases.push(Base { vector: b as u32, normal: cross(&xa, &xb), thirds });
+                    let (vectors, normal) = ([a, b].map(|v| v as u32), cross(&xa, &xb));
+                    self.all.bases.push(Edge { vectors, normal, thirds });
                 }
             }
             self.all.start.push(self.all.bases.len());
@@ -226,49 +217,77 @@ impl Cliques<3> for &TetrahedronRuns {
             if MASKED && owners == 0 {
                 continue;
             }
-            let rest: [Lanes<S>; 3] = each(|axis| at.splat(vectors[vector][axis]));
-            let (eta, now) = (at.load_all(&bond.eta), at.load_all(&bond.now));
-            let mut force = at.load_all(&bond.force);
-            let square = at.splat(THIN * THIN) * at.load(&bond.square);
-            let shares = at.own_share::<MASKED>().with::<MASKED, 3>(at, bond);
+            let mut first = First {
+                owners,
+                rest: each(|axis| at.splat(vectors[vector][axis])),
+                eta: at.load_all(&bond.eta),
+                now: at.load_all(&bond.now),
+                square: at.splat(THIN * THIN) * at.load(&bond.square),
+                force: at.load_all(&bond.force),
+                shares: at.own_share::<MASKED>().with::<MASKED, 3>(at, bond),
+            };
             for base in &self.bases[self.start[vector]..self.start[vector + 1]] {
-                let mut other = first_of[base.vector as usize];
+                let mut other = first_of[base.vectors[1] as usize];
                 while other != NONE {
-                    let second = &bonds[other as usize];
-                    let next = second.next;
-                    let owners = owners & second.owners;
-                    if !MASKED || owners != 0 {
-                        let now_there = at.load_all(&second.now);
-                        let (p, q) =
-                            (cross(&rest, &at.load_all(&second.eta)), cross(&eta, &now_there));
-                        let grown: [Lanes<S>; 3] = each(|axis| p[axis] + q[axis]);
-                        let pair = Pair {
-                            owners,
-                            normal: each(|axis| at.splat(base.normal[axis]) + grown[axis]),
-                            grown,
-                            square: square * at.load(&second.square),
-                            shares: shares.with::<MASKED, 3>(at, second),
-                        };
-                        let sum = self.on_pair::<S, MASKED>(
-                            at,
-                            &pair,
-                            base,
-                            (&mut *bonds, first_of),
-                            out,
-                        );
-                        let (p, q) = (cross(&now_there, &sum), cross(&sum, &now));
-                        force = each(|axis| force[axis] + p[axis]);
-                        for axis in 0..3 {
-                            let force = &mut bonds[other as usize].force[axis];
-                            (at.load(force) + q[axis]).store(force, at.number);
-                        }
+                    let place = other as usize;
+                    other = bonds[place].next;
+                    if !MASKED || bonds[place].owners & owners != 0 {
+                        let pair = first.with::<MASKED>(at, &bonds[place], base);
+                        let on_pair = (&mut *bonds, first_of);
+                        let sum = self.on_pair::<S, MASKED>(at, &pair, base, on_pair, out);
+                        first.pull(at, &mut bonds[place], &sum);
                     }
-                    other = next;
                 }
             }
             for axis in 0..3 {
-                force[axis].store(&mut bonds[number].force[axis], at.number);
+                first.force[axis].store(&mut bonds[number].force[axis], at.number);
             }
+        }
+    }
+}
+
+/// The first bond of tetrahedra, in a register.
+struct First<S: Simd> {
+    /// Bits of those that have it.
+    owners: u8,
+    rest: [Lanes<S>; 3],
+    eta: [Lanes<S>; 3],
+    now: [Lanes<S>; 3],
+    /// The square, by as much as volumes may be less.
+    square: Lanes<S>,
+    force: [Lanes<S>; 3],
+    /// Of the owner and of the other end.
+    shares: CornerShares<S>,
+}
+
+impl<S: Simd> First<S> {
+    /// It and a second bond.
+    #[inline(always)]
+    fn with<const MASKED: bool>(
+        &self,
+        at: Register<'_, S>,
+        second: &Beside<3>,
+        base: &Edge,
+    ) -> Pair<S> {
+        let there = (&at.load_all(&second.eta), &at.load_all(&second.now));
+        let grown = growth(&self.rest, &self.eta, there);
+        Pair {
+            owners: self.owners & second.owners,
+            normal: each(|axis| at.splat(base.normal[axis]) + grown[axis]),
+            grown,
+            square: self.square * at.load(&second.square),
+            shares: self.shares.with::<MASKED, 3>(at, second),
+        }
+    }
+
+    /// Adds the forces on the ends of both, from the sum over third bonds.
+    #[inline(always)]
+    fn pull(&mut self, at: Register<'_, S>, second: &mut Beside<3>, sum: &[Lanes<S>; 3]) {
+        let (p, q) = (cross(&at.load_all(&second.now), sum), cross(sum, &self.now));
+        for axis in 0..3 {
+            self.force[axis] = self.force[axis] + p[axis];
+            let force = &mut second.force[axis];
+            (at.load(force) + q[axis]).store(force, at.number);
         }
     }
 }
@@ -293,7 +312,7 @@ impl TetrahedronRuns {
         &self,
         at: Register<'_, S>,
         pair: &Pair<S>,
-        base: &Base,
+        base: &Edge,
         (bonds, first_of): (&mut [Beside<3>], &[u32]),
         out: &mut Added<'_, S>,
     ) -> [Lanes<S>; 3] {

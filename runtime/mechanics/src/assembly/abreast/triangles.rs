@@ -9,7 +9,10 @@ use super::super::axes::{Axes, Wanted};
 use super::super::kind::{AffineLaws, Kind};
 use super::super::quadratic::{Changed, Quadratic, Quadratics, ROOT, SIGNED, SQUARE};
 use super::super::sum::Sum;
-use super::{Abreast, AbreastRoom, Added, Beside, Cliques, CornerShares, NONE, Register, weighed};
+use super::{
+    Abreast, AbreastRoom, Added, Beside, Cliques, CornerShares, NONE, Register, cross, growth,
+    weighed,
+};
 use crate::element::THIN;
 use crate::geometry::lanes::Lanes;
 use crate::geometry::{Scalar, dot, each};
@@ -131,17 +134,6 @@ impl Table<'_> {
     }
 }
 
-/// The cross product; in the plane a number and zeros.
-#[inline(always)]
-fn cross<T: Scalar, const D: usize>(p: &[T; D], q: &[T; D]) -> [T; 3] {
-    let at = |r: usize, s: usize| p[r] * q[s] - p[s] * q[r];
-    if D == 2 {
-        let zero = p[0].alike(0.0);
-        return [at(0, 1), zero, zero];
-    }
-    [at(1, 2 % D), at(2 % D, 0), at(0, 1)]
-}
-
 /// `x` cross a normal.
 #[inline(always)]
 fn turned<T: Scalar, const D: usize>(x: &[T; D], normal: &[T; 3]) -> [T; D] {
@@ -221,8 +213,7 @@ impl<S: Simd, const D: usize> First<S, D> {
     ) {
         let (eta, now) = (at.load_all(&second.eta), at.load_all(&second.now));
         let at_rest: [Lanes<S>; 3] = each(|axis| at.splat(pair.normal[axis]));
-        let (p, q) = (cross(&self.rest, &eta), cross(&self.eta, &now));
-        let grown: [Lanes<S>; 3] = each(|axis| p[axis] + q[axis]);
+        let grown = growth(&self.rest, &self.eta, (&eta, &now));
         let normal: [Lanes<S>; 3] = each(|axis| at_rest[axis] + grown[axis]);
         let is_signed = WAY == SIGNED;
         let square = if is_signed { normal[0] * normal[0] } else { dot(&normal, &normal) };

@@ -287,24 +287,17 @@ impl DiscreteEnergy {
 
     /// How forces go over the body, as [`Report::ways`] says it.
     fn ways(&self) -> Vec<&'static str> {
-        let (on_rows, kinds) =
-            (self.along_rows().len(), self.kinds().into_iter().flatten().count());
-        let in_fours = usize::from(self.fours.is_some());
-        let ways = [
-            ("batches", kinds > on_rows + in_fours),
-            ("fours", in_fours > 0),
-            ("rows", on_rows > 0),
-        ];
-        ways.into_iter().filter(|(_, is_taken)| *is_taken).map(|(way, _)| way).collect()
+        let kinds = self.kinds().into_iter().flatten().count();
+        let [in_fours, on_rows] = [usize::from(self.fours.is_some()), self.along_rows().len()];
+        let in_batches = kinds - on_rows - in_fours;
+        let ways = [("batches", in_batches), ("fours", in_fours), ("rows", on_rows)];
+        ways.into_iter().filter(|(_, kinds)| *kinds > 0).map(|(way, _)| way).collect()
     }
 
     /// The measures whose forces go along the rows of a lattice, without neighbour lists and kernels:
     /// those whose law is affine in the measure or in its square.
     pub fn along_rows(&self) -> Vec<Measure> {
-        let OnLattice { bonds, triangles, tetrahedra } = &self.on_lattice;
-        let are_on_rows = [bonds.is_some(), triangles.is_some(), tetrahedra.is_some()];
-        let all = Measure::ALL.into_iter().zip(are_on_rows);
-        all.filter(|(_, are)| *are).map(|(measure, _)| measure).collect()
+        self.on_lattice.measures()
     }
 
     /// The kind of interaction whose measure has a sign, if it is modelled.
@@ -327,22 +320,30 @@ impl DiscreteEnergy {
         (row_start, blocks): (Option<&[usize]>, &mut [f64]),
         parts: &mut [f64],
     ) -> Result<(), NonFinite> {
-        gradient.fill(0.0);
         let d = self.body.dimension();
         let layout = match row_start {
             Some(row_start) => Layout::Rows(row_start, d * d),
             None => Layout::Points(d * d),
         };
-        let arrays = (Part::new(Layout::Points(d), gradient), Part::new(layout, blocks));
-        let energies = match &self.rooms {
-            Rooms::Plane(rooms) => self.over_slabs(rooms, arrays, |slab, [here, next], room| {
-                SlabTask::new(row_start, slab, here, next).in_plane(self, order, u, room)
-            }),
-            Rooms::Space(rooms) => self.over_slabs(rooms, arrays, |slab, [here, next], room| {
-                SlabTask::new(row_start, slab, here, next).in_space(self, order, u, room)
-            }),
+        let mut add_up = |in_fans: bool| {
+            gradient.fill(0.0);
+            let arrays = (Part::new(Layout::Points(d), gradient), Part::new(layout, blocks));
+            match &self.rooms {
+                Rooms::Plane(rooms) => self.over_slabs(rooms, arrays, |slab, [own, next], room| {
+                    SlabTask::new((row_start, in_fans), slab, own, next)
+                        .in_plane(self, order, u, room)
+                }),
+                Rooms::Space(rooms) => self.over_slabs(rooms, arrays, |slab, [own, next], room| {
+                    SlabTask::new((row_start, in_fans), slab, own, next)
+                        .in_space(self, order, u, room)
+                }),
+            }
         };
-        let modelled = self.kinds().into_iter().zip(energies?).filter(|(kind, _)| kind.is_some());
+        let in_fans = order == Order::Tangent && self.on_lattice.has_triangle_blocks(self);
+        // A fan has triangles of several slabs: where those of one do not go so, those of no other do.
+        let energies = add_up(in_fans)?.map_or_else(|| add_up(false), |known| Ok(Some(known)))?;
+        let energies = self.kinds().into_iter().zip(energies.unwrap_or_default());
+        let modelled = energies.filter(|(kind, _)| kind.is_some());
         parts.iter_mut().zip(modelled).for_each(|(part, (_, energy))| *part = energy);
         Ok(())
     }
@@ -354,7 +355,7 @@ impl DiscreteEnergy {
         rooms: &Pool<Room<D>>,
         arrays: P,
         run: impl Fn(usize, [&mut P; 2], &mut Room<D>) -> Result<SlabEnergy, NonFinite> + Sync,
-    ) -> Result<[f64; 3], NonFinite> {
+    ) -> Result<Option<[f64; 3]>, NonFinite> {
         rooms.provide(|| Room::new(self));
         self.kinds()
             .into_iter()

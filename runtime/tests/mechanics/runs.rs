@@ -311,6 +311,43 @@ fn laws_that_are_not_affine_and_strict_ones_go_in_batches() {
     assert_eq!(of(TRUE, Level::Strict), []);
 }
 
+/// The triangles on a bond have owners in several slabs: where one of them is thin, no tangent goes by bonds.
+#[test]
+fn a_thin_triangle_leaves_all_tangents_to_batches() {
+    for body in [&bodies()[1], &bodies()[2]] {
+        let d = body.dimension();
+        let at = |point: usize| &body.positions()[d * point..][..d];
+        // Two neighbours of a point in the middle, a spacing away along each of two axes.
+        let own = body.n_points() / 2;
+        let along = |axis: usize| {
+            let is_there = |point: &usize| {
+                let off =
+                    |k: usize| at(*point)[k] - at(own)[k] - if k == axis { SPACING } else { 0.0 };
+                (0..d).all(|k| off(k).abs() < 1e-6 * SPACING)
+            };
+            (0..body.n_points()).find(is_there).unwrap()
+        };
+        let (first, second) = (along(0), along(1));
+        let mut u = displacements(body, 1e-3, 4);
+        // The second lies between the two others, but for a thousandth of a spacing.
+        for axis in 0..d {
+            let (own, first) = (u[d * own + axis], u[d * first + axis]);
+            u[d * second + axis] = 0.5 * (own + first);
+        }
+        u[d * second] += 0.5 * SPACING;
+        u[d * second + 1] -= 0.999 * SPACING;
+        let of = |level| energy(body, TRUE, level, Weights::Volumes);
+        let (found, expected) = (state(&of(Level::Fast), &u), state(&of(Level::Strict), &u));
+        for (what, found, expected) in [
+            ("forces", &found.forces, &expected.forces),
+            ("tangent", &found.tangent, &expected.tangent),
+        ] {
+            let error = distance(found, expected);
+            assert!(error < 4e-13, "{what}: {error:e}");
+        }
+    }
+}
+
 /// What runs refuse is worked out again in batches, which name the points, or find that it is finite.
 #[test]
 fn what_is_not_finite_is_named() {

@@ -7,6 +7,7 @@
 //! summed where the bond is, and go to their points with the group.
 
 mod blocks;
+mod fans;
 pub(super) mod tetrahedra;
 pub(super) mod triangles;
 
@@ -16,6 +17,7 @@ use std::sync::Arc;
 use pulp::{Arch, Simd, WithSimd};
 
 use blocks::Member;
+use fans::FanRoom;
 
 use super::axes::{Axes, Wanted};
 use super::kind::Kind;
@@ -97,16 +99,19 @@ pub(super) struct AbreastRoom<const D: usize> {
     first: Vec<u32>,
     /// What tangents add to the ends of bonds.
     members: Vec<Member>,
+    /// The triangles on a bond.
+    fans: FanRoom,
 }
 
 impl<const D: usize> AbreastRoom<D> {
-    /// For bonds of so many vectors, and for tangents.
+    /// For bonds of so many vectors, and for tangents of tetrahedra.
     pub(super) fn new(n_vectors: usize, has_blocks: bool) -> AbreastRoom<D> {
-        // Few groups have bonds of one vector with more than two places.
-        let groups = GroupRoom::with_capacity(3 * n_vectors);
-        let bonds = Vec::with_capacity(3 * n_vectors);
+        // Few groups have bonds of one vector with more than two places; tangents of triangles have them both ways.
+        let bonds = Vec::with_capacity(6 * n_vectors);
         let members = Vec::with_capacity(if has_blocks { 3 * n_vectors } else { 0 });
-        AbreastRoom { groups, bonds, first: vec![NONE; n_vectors], members }
+        let first = vec![NONE; 2 * n_vectors];
+        let fans = FanRoom::with_capacity(6 * n_vectors);
+        AbreastRoom { groups: GroupRoom::new(n_vectors), bonds, first, members, fans }
     }
 }
 
@@ -200,7 +205,7 @@ impl<'a> Walk<'a> {
                 let is_even = self.of.shares.is_none() && self.of.parts.is_none();
                 let is_whole = is_even && here == u8::MAX && bundles.iter().all(has_all);
                 let group = Group { of: self.of, first: owners.start, here };
-                group.gather(simd, bundles, axes, bonds, first_of);
+                group.gather(simd, (bundles, self.of.runs.vectors::<D>()), axes, bonds, first_of);
                 return Some((group, is_whole));
             }
         }
@@ -232,17 +237,16 @@ struct Group<'a> {
 }
 
 impl Group<'_> {
-    /// What the bonds of the group have become.
+    /// What the bonds of the group have become, from their vectors at rest in m.
     #[inline(always)]
     fn gather<S: Simd, const D: usize>(
         &self,
         simd: S,
-        bundles: &[Bundle],
+        (bundles, vectors): (&[Bundle], &[[f64; D]]),
         axes: &Axes,
         bonds: &mut Vec<Beside<D>>,
         first_of: &mut [u32],
     ) {
-        let vectors = self.of.runs.vectors::<D>();
         let place = |point: isize| (point + WIDEST as isize - axes.first as isize) as usize;
         let own = place(self.first as isize);
         for (number, &Bundle { vector, other, owners }) in bundles.iter().enumerate() {

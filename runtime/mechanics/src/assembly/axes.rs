@@ -1,5 +1,7 @@
 //! Displacements and forces of a slab axis by axis: consecutive points are lanes of a register.
 
+use std::ops::Range;
+
 use super::DiscreteEnergy;
 use crate::element::{Order, WIDEST};
 use crate::geometry::each;
@@ -47,7 +49,8 @@ pub(super) struct Axes {
 impl Axes {
     /// Large enough for every slab.
     pub(super) fn new(energy: &DiscreteEnergy) -> Axes {
-        let points = (0..energy.slabs.len()).map(|slab| energy.slabs.touched(slab).len()).max();
+        let slabs = 0..energy.slabs.len();
+        let points = slabs.map(|slab| around(energy, slab).len()).max();
         let numbers = (points.unwrap_or(0) + 2 * WIDEST) * energy.body.dimension();
         let room = || Vec::with_capacity(numbers);
         let [displacement, direction, own, other] = [(); 4].map(|()| room());
@@ -75,6 +78,18 @@ impl Axes {
         }
     }
 
+    /// Moves to a slab and those beside it at displacements `u`.
+    pub(super) fn set_around<const D: usize>(
+        &mut self,
+        energy: &DiscreteEnergy,
+        slab: usize,
+        u: &[f64],
+    ) {
+        let points = around(energy, slab);
+        (self.slab, self.first, self.stride) = (slab, points.start, points.len() + 2 * WIDEST);
+        by_axes::<D>(&u[points.start * D..points.end * D], &mut self.displacement);
+    }
+
     /// Shows what each point has got.
     pub(super) fn each<const D: usize>(&self, mut see: impl FnMut(usize, &[f64; D])) {
         for place in WIDEST..self.stride - WIDEST {
@@ -84,6 +99,11 @@ impl Axes {
             see(self.first + place - WIDEST, &each(part));
         }
     }
+}
+
+/// The points of a slab, of the one before and of the one behind it.
+fn around(energy: &DiscreteEnergy, slab: usize) -> Range<usize> {
+    energy.slabs.start(slab.saturating_sub(1))..energy.slabs.touched(slab).end
 }
 
 /// From point by point to axis by axis.

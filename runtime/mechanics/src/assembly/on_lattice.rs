@@ -14,6 +14,7 @@ use super::runs::BondRuns;
 use super::sum::Sum;
 use crate::interaction::Bits;
 use crate::interaction::runs::Runs;
+use crate::kernel::Measure;
 use crate::materials::Materials;
 
 /// The interactions of a lattice that go without neighbour lists and kernels.
@@ -69,6 +70,18 @@ impl OnLattice {
         self.bonds.is_none() && self.triangles.is_none() && self.tetrahedra.is_none()
     }
 
+    /// The measures of what goes so.
+    pub(super) fn measures(&self) -> Vec<Measure> {
+        let OnLattice { bonds, triangles, tetrahedra } = self;
+        let go = [bonds.is_some(), triangles.is_some(), tetrahedra.is_some()];
+        Measure::ALL
+            .into_iter()
+            .zip(go)
+            .filter(|(_, goes)| *goes)
+            .map(|(measure, _)| measure)
+            .collect()
+    }
+
     /// How many vectors the bonds of what goes abreast have.
     pub(super) fn vectors_abreast<const D: usize>(&self) -> usize {
         let triangles = self.triangles.as_ref().map(TriangleRuns::n_vectors::<D>);
@@ -103,7 +116,35 @@ impl OnLattice {
         Some(sums)
     }
 
-    /// The same for tetrahedra.
+    /// Whether tangents of triangles go so: by the triangles on bonds, of all slabs at once.
+    pub(super) fn has_triangle_blocks(&self, energy: &DiscreteEnergy) -> bool {
+        let (Some(triangles), Some(kind), None) =
+            (&self.triangles, &energy.triangles, &energy.lost)
+        else {
+            return false;
+        };
+        match energy.body.dimension() {
+            2 => triangles.has_blocks::<2>(kind, &energy.slabs),
+            _ => triangles.has_blocks::<3>(kind, &energy.slabs),
+        }
+    }
+
+    /// Adds these of the bonds from a slab's points to later ones.
+    pub(super) fn add_triangle_blocks<const D: usize>(
+        &self,
+        energy: &DiscreteEnergy,
+        slab: usize,
+        u: &[f64],
+        (axes, abreast): (&mut Axes, &mut AbreastRoom<D>),
+        rows: &mut Rows<'_>,
+    ) {
+        if let Some(triangles) = &self.triangles {
+            axes.set_around::<D>(energy, slab, u);
+            triangles.add_blocks((&energy.neighborhood, &energy.slabs), axes, abreast, rows);
+        }
+    }
+
+    /// Adds up what the tetrahedra of a slab have, as [`OnLattice::add`] does.
     pub(super) fn add_tetrahedra(
         &self,
         energy: &DiscreteEnergy,

@@ -27,6 +27,8 @@ pub(super) struct SlabTask<'a> {
     rows: Rows<'a>,
     /// Whether no other slab has written to these rows yet.
     is_first: bool,
+    /// Whether the tangent of triangles goes by the fans of bonds.
+    in_fans: bool,
 }
 
 /// The energy of one slab.
@@ -35,18 +37,22 @@ pub(super) struct SlabEnergy {
     bonds: Sum,
     triangles: Sum,
     tetrahedra: Sum,
+    /// Whether its triangles need another treatment than fans, which then all slabs do.
+    are_no_fans: bool,
 }
 
 /// The energies of bonds, triangles and tetrahedra: those of the slabs in their order. An error is the
-/// lowest of all: bonds before triangles before tetrahedra, then by points.
+/// lowest of all: bonds before triangles before tetrahedra, then by points. Nothing where the triangles of
+/// a slab are no fans.
 pub(super) fn total(
     outcomes: impl Iterator<Item = Result<SlabEnergy, NonFinite>>,
-) -> Result<[f64; 3], NonFinite> {
+) -> Result<Option<[f64; 3]>, NonFinite> {
     let mut total = SlabEnergy::default();
     let mut lowest: Option<NonFinite> = None;
     for outcome in outcomes {
         match outcome {
             Ok(part) => {
+                total.are_no_fans |= part.are_no_fans;
                 total.bonds.join(&part.bonds);
                 total.triangles.join(&part.triangles);
                 total.tetrahedra.join(&part.tetrahedra);
@@ -59,9 +65,12 @@ pub(super) fn total(
             }
         }
     }
+    if total.are_no_fans {
+        return Ok(None);
+    }
     match lowest {
         Some(error) => Err(error),
-        None => Ok([total.bonds.value(), total.triangles.value(), total.tetrahedra.value()]),
+        None => Ok(Some([total.bonds.value(), total.triangles.value(), total.tetrahedra.value()])),
     }
 }
 
@@ -110,9 +119,9 @@ type Arrays<'a> = (Part<'a, f64>, Part<'a, f64>);
 
 impl<'a> SlabTask<'a> {
     /// With the rows of a slab and of the next; `row_start` says where the blocks of points start,
-    /// and is absent where only diagonal blocks are wanted.
+    /// and is absent where only diagonal blocks are wanted; whether triangles go by fans.
     pub(super) fn new(
-        row_start: Option<&'a [usize]>,
+        (row_start, in_fans): (Option<&'a [usize]>, bool),
         slab: usize,
         here: &'a mut Arrays<'_>,
         next: &'a mut Arrays<'_>,
@@ -122,7 +131,7 @@ impl<'a> SlabTask<'a> {
             gradient: Touched::new(&mut here.0, &mut next.0),
             blocks: Touched::new(&mut here.1, &mut next.1),
         };
-        SlabTask { slab, rows, is_first: slab.is_multiple_of(2) }
+        SlabTask { slab, rows, is_first: slab.is_multiple_of(2), in_fans }
     }
 
     /// Assembles the interactions of the slab in the plane, kind by kind.
@@ -194,9 +203,18 @@ impl<'a> SlabTask<'a> {
         if let (Some(kind), Some(room)) = (&energy.bonds, &mut room.bonds) {
             total.bonds = bonds::<D>(visit, untouched, (kind, known.bonds), room, rows)?;
         }
+        if self.in_fans {
+            total.are_no_fans = known.triangles.is_none();
+            if total.are_no_fans {
+                return Ok(total);
+            }
+            let (lattice, Room { axes, abreast, .. }) = (&energy.on_lattice, &mut *room);
+            lattice.add_triangle_blocks::<D>(energy, visit.slab, visit.u, (axes, abreast), rows);
+        }
         let Room { cliques, gathered: [_, gathered, _], sums, .. } = room;
         if let (Some(kind), Some(gathered)) = (&energy.triangles, gathered) {
-            let left = Left::new(visit, known.triangles.is_some());
+            let left =
+                Left { with_blocks: self.in_fans, ..Left::new(visit, known.triangles.is_some()) };
             total.triangles = known.triangles.unwrap_or_default();
             if !left.is_nothing() {
                 let (added, is_own, sum) = (Added::new(visit.order), true, total.triangles);

@@ -236,12 +236,30 @@ pub(crate) struct GroupRoom {
     /// The runs that reach the group.
     active: Vec<Run>,
     bundles: Vec<Bundle>,
+    /// The last bundle of each vector.
+    last: Vec<Option<u32>>,
 }
 
 impl GroupRoom {
-    /// For groups of so many bonds.
-    pub(crate) fn with_capacity(n: usize) -> GroupRoom {
-        GroupRoom { active: Vec::with_capacity(n), bundles: Vec::with_capacity(n) }
+    /// For bonds of so many vectors.
+    pub(crate) fn new(n_vectors: usize) -> GroupRoom {
+        // Few groups have bonds of one vector with more than two places.
+        let n = 3 * n_vectors;
+        let (active, bundles) = (Vec::with_capacity(n), Vec::with_capacity(n));
+        GroupRoom { active, bundles, last: vec![None; n_vectors] }
+    }
+
+    /// Adds the bonds of some owners to those of the same vector whose other ends are as far away, where some
+    /// are there already: a group that goes around the end of a row has them in two runs.
+    fn add(&mut self, bundle: Bundle) {
+        let last = &mut self.last[bundle.vector as usize];
+        match last.map(|number| &mut self.bundles[number as usize]) {
+            Some(known) if known.other == bundle.other => known.owners |= bundle.owners,
+            _ => {
+                *last = Some(self.bundles.len() as u32);
+                self.bundles.push(bundle);
+            }
+        }
     }
 }
 
@@ -254,29 +272,31 @@ impl Groups<'_> {
             return None;
         }
         self.owners.start = end;
-        let GroupRoom { active, bundles } = &mut *self.room;
-        active.retain(|run| run.owners().end > first);
+        let room = &mut *self.room;
+        room.active.retain(|run| run.owners().end > first);
         while let Some((run, rest)) = self.coming.split_first()
             && run.owners().start < end
         {
-            active.push(*run);
+            room.active.push(*run);
             self.coming = rest;
         }
-        bundles.clear();
-        bundles.extend(active.iter().map(|run| {
+        room.bundles.iter().for_each(|bundle| room.last[bundle.vector as usize] = None);
+        room.bundles.clear();
+        for number in 0..room.active.len() {
+            let run = room.active[number];
             let own = run.owners();
             let lanes = own.start.max(first) - first..own.end.min(end) - first;
-            Bundle {
+            room.add(Bundle {
                 vector: run.vector,
                 other: first as isize + run.other as isize - run.owner as isize,
                 owners: lanes.fold(0, |owners, lane| owners | 1 << lane),
-            }
-        }));
-        Some((first..end, bundles))
+            });
+        }
+        Some((first..end, &room.bundles))
     }
 }
 
-/// All bonds of all points, both ways, in groups of [`WIDEST`] points.
+/// All bonds of all points, both ways, in groups of at most [`WIDEST`] points.
 pub(crate) struct Directed {
     bundles: Vec<Bundle>,
     /// Where those of each group start.
@@ -304,20 +324,26 @@ impl Directed {
 }
 
 impl Runs {
-    /// The bonds of so many points both ways.
-    pub(crate) fn directed<const D: usize>(&self, n_points: usize) -> Directed {
+    /// The bonds of all points both ways, in groups of one range of points after the other.
+    pub(crate) fn directed<const D: usize>(
+        &self,
+        points: impl Iterator<Item = Range<usize>>,
+    ) -> Directed {
         let n = self.n_vectors::<D>() as u32;
         let back =
             |run: &Run| Run { owner: run.other, other: run.owner, vector: run.vector + n, ..*run };
         let mut both: Vec<Run> =
             self.runs.iter().map(back).chain(self.runs.iter().copied()).collect();
         both.sort_by_key(|run| (run.owner, run.vector));
-        let mut room = GroupRoom::with_capacity(4 * n as usize);
-        let mut groups = Groups { owners: 0..n_points, coming: &both, room: &mut room };
+        let mut room = GroupRoom::new(2 * n as usize);
+        let mut groups = Groups { owners: 0..0, coming: &both, room: &mut room };
         let mut directed = Directed { bundles: Vec::new(), start: vec![0] };
-        while let Some((_, bundles)) = groups.next() {
-            directed.bundles.extend_from_slice(bundles);
-            directed.start.push(directed.bundles.len());
+        for range in points {
+            groups.owners = range;
+            while let Some((_, bundles)) = groups.next() {
+                directed.bundles.extend_from_slice(bundles);
+                directed.start.push(directed.bundles.len());
+            }
         }
         directed
     }

@@ -98,7 +98,7 @@ impl WithSimd for BlockSweep<'_, '_> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
         let BlockSweep { of, edges, laws, neighborhood, owners, axes, room, rows } = self;
-        let AbreastRoom { groups, bonds, first: first_of, members } = room;
+        let AbreastRoom { groups, bonds, first: first_of, members, .. } = room;
         let mut walk = Walk::new(of, axes.slab, owners, groups);
         while let Some((group, is_whole)) = walk.next(simd, axes, bonds, first_of) {
             members.clear();

@@ -1,14 +1,16 @@
 //! Triangles of owners abreast: a table of the pairs of bonds whose ends are neighbours.
 
 use std::ops::Range;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use pulp::Simd;
 
 use super::super::axes::{Axes, Wanted};
 use super::super::kind::{AffineLaws, Kind};
 use super::super::quadratic::{Changed, Quadratic, Quadratics, ROOT, SIGNED, SQUARE};
+use super::super::rows::Rows;
 use super::super::sum::Sum;
+use super::fans::{FanSweep, Fans};
 use super::{
     Abreast, AbreastRoom, Added, Beside, Cliques, CornerShares, NONE, Register, cross, growth,
     weighed,
@@ -17,8 +19,8 @@ use crate::element::THIN;
 use crate::geometry::lanes::Lanes;
 use crate::geometry::{Scalar, dot, each};
 use crate::interaction::runs::Runs;
-use crate::interaction::{Bits, Degeneracy};
-use crate::neighborhood::HORIZON_TOLERANCE;
+use crate::interaction::{Bits, Degeneracy, Slabs};
+use crate::neighborhood::{HORIZON_TOLERANCE, Neighborhood};
 
 /// The triangles of a lattice body with an affine law.
 pub(in crate::assembly) struct TriangleRuns {
@@ -28,15 +30,20 @@ pub(in crate::assembly) struct TriangleRuns {
     /// Where those of each vector start.
     start: Vec<usize>,
     by_square: bool,
+    /// What weights have in common.
+    common: f64,
+    shape: Shape,
+    /// What tangents need beside; made when the first is asked for, nothing where they do not go so.
+    fans: OnceLock<Option<Fans>>,
 }
 
 /// Two bonds of an owner whose other ends are neighbours.
-struct Pair {
+pub(super) struct Pair {
     /// The number of the second vector.
-    vector: u32,
-    /// The cross product at rest, in m^2; in the plane a positive number and zeros.
-    normal: [f64; 3],
-    law: Quadratic,
+    pub(super) vector: u32,
+    /// The cross product at rest, in m^2; in the plane a number, positive in tables of owners, and zeros.
+    pub(super) normal: [f64; 3],
+    pub(super) law: Quadratic,
 }
 
 impl TriangleRuns {
@@ -48,15 +55,71 @@ impl TriangleRuns {
         (dimension, horizon): (usize, f64),
         degeneracy: Degeneracy,
     ) -> Option<TriangleRuns> {
-        let laws = kind.affine_laws().filter(|_| !kind.forbids_inversion())?;
         let (abreast, common) = Abreast::new(runs, kind, 3);
-        let by_square = laws.by_square;
-        let table = Table { laws, kind, runs, common, horizon, degeneracy };
+        let shape = Shape { horizon, degeneracy };
+        let table = Table::new(runs, kind, common, shape)?;
+        let by_square = table.laws.by_square;
         let (pairs, start) = match dimension {
-            2 => table.pairs::<2>(runs.vectors())?,
-            _ => table.pairs::<3>(runs.vectors())?,
+            2 => table.pairs::<2>()?,
+            _ => table.pairs::<3>()?,
         };
-        Some(TriangleRuns { abreast, pairs, start, by_square })
+        let fans = OnceLock::new();
+        Some(TriangleRuns { abreast, pairs, start, by_square, common, shape, fans })
+    }
+
+    /// Whether tangents go so, of all slabs: a fan has triangles of owners of several.
+    pub(in crate::assembly) fn has_blocks<const D: usize>(
+        &self,
+        kind: &Kind,
+        slabs: &Slabs,
+    ) -> bool {
+        let fans = || {
+            let table = Table::new(&self.abreast.runs, kind, self.common, self.shape)?;
+            Fans::new::<D>(&table, slabs)
+        };
+        self.fans.get_or_init(fans).is_some()
+    }
+
+    /// Adds the blocks of bonds from a slab's points to later ones, and what these have in the own blocks of their
+    /// ends, at displacements of the slab and of those beside it.
+    pub(in crate::assembly) fn add_blocks<const D: usize>(
+        &self,
+        (neighborhood, slabs): (&Neighborhood, &Slabs),
+        axes: &Axes,
+        room: &mut AbreastRoom<D>,
+        rows: &mut Rows<'_>,
+    ) {
+        let Some(Some(fans)) = self.fans.get() else { return };
+        let of = &self.abreast;
+        match (D, self.by_square) {
+            (2, _) => of.arch.dispatch(FanSweep::<D, SIGNED> {
+                of,
+                fans,
+                neighborhood,
+                slabs,
+                axes,
+                room,
+                rows,
+            }),
+            (_, false) => of.arch.dispatch(FanSweep::<D, ROOT> {
+                of,
+                fans,
+                neighborhood,
+                slabs,
+                axes,
+                room,
+                rows,
+            }),
+            (_, true) => of.arch.dispatch(FanSweep::<D, SQUARE> {
+                of,
+                fans,
+                neighborhood,
+                slabs,
+                axes,
+                room,
+                rows,
+            }),
+        }
     }
 
     /// How many vectors the bonds of these have.
@@ -82,42 +145,80 @@ impl TriangleRuns {
     }
 }
 
-/// What the table of pairs follows from.
-struct Table<'a> {
+/// What tables of triangles follow from.
+pub(super) struct Table<'a> {
     laws: AffineLaws<'a>,
     kind: &'a Kind,
-    runs: &'a Runs,
+    pub(super) runs: &'a Runs,
     common: f64,
+    shape: Shape,
+}
+
+/// Which triangles a body has.
+#[derive(Clone, Copy)]
+struct Shape {
+    /// In m.
     horizon: f64,
     degeneracy: Degeneracy,
 }
 
-impl Table<'_> {
-    fn pairs<const D: usize>(&self, vectors: &[[f64; D]]) -> Option<(Vec<Pair>, Vec<usize>)> {
+/// A triangle at rest.
+pub(super) struct Corner {
+    /// The cross product of its bonds, in m^2; in the plane a number and zeros.
+    pub(super) normal: [f64; 3],
+    area_squared: f64,
+    /// Of the bonds, in m^2.
+    squares: [f64; 2],
+    materials: [u8; 3],
+}
+
+impl<'a> Table<'a> {
+    /// Nothing of laws that are not affine; of a measure with a sign they are by itself, not by its square.
+    fn new(runs: &'a Runs, kind: &'a Kind, common: f64, shape: Shape) -> Option<Table<'a>> {
+        let laws = kind.affine_laws().filter(|_| !kind.forbids_inversion())?;
+        Some(Table { laws, kind, runs, common, shape })
+    }
+
+    /// The triangle on two bonds of a point of a material, each with the material of its other end; nothing where
+    /// these ends are no neighbours, or the bonds on one line.
+    pub(super) fn triangle<const D: usize>(
+        &self,
+        own: u8,
+        [(q, first), (r, second)]: [(&[f64; D], u8); 2],
+    ) -> Option<Corner> {
+        let between: [f64; D] = each(|axis| r[axis] - q[axis]);
+        let (squares, across) = ([dot(q, q), dot(r, r)], dot(&between, &between));
+        let reach = self.shape.horizon * (1.0 + HORIZON_TOLERANCE);
+        let normal = cross(q, r);
+        let area_squared = dot(&normal, &normal);
+        let longest = squares[0].max(squares[1]).max(across);
+        let is_edge = across <= reach * reach;
+        let is_one = is_edge && !self.shape.degeneracy.is_collinear(area_squared, longest);
+        let materials = [own, first, second];
+        is_one.then_some(Corner { normal, area_squared, squares, materials })
+    }
+
+    /// Its energy; nothing where that is not finite.
+    pub(super) fn law(&self, of: &Corner) -> Option<Quadratic> {
+        self.laws.at(self.kind.parts(&of.materials), of.area_squared.sqrt(), &[], self.common)
+    }
+
+    /// The pairs of bonds of an owner, the first of higher number; nothing where triangles are thin.
+    fn pairs<const D: usize>(&self) -> Option<(Vec<Pair>, Vec<usize>)> {
+        let vectors = self.runs.vectors::<D>();
         let mut listed: Vec<Vec<Pair>> = vectors.iter().map(|_| Vec::new()).collect();
-        let reach = self.horizon * (1.0 + HORIZON_TOLERANCE);
         for (a, xa) in vectors.iter().enumerate() {
             for (b, xb) in vectors.iter().enumerate().take(a) {
-                let [[own, first], [of_second, second]] = [a, b].map(|v| self.runs.materials(v));
+                let [[own, of_a], [of_second, of_b]] = [a, b].map(|v| self.runs.materials(v));
                 if of_second != own {
                     continue;
                 }
-                let between: [f64; D] = each(|axis| xb[axis] - xa[axis]);
-                let squares = [dot(xa, xa), dot(xb, xb), dot(&between, &between)];
-                if squares[2] > reach * reach {
-                    continue;
-                }
-                let normal = cross(xa, xb);
-                let area_squared = dot(&normal, &normal);
-                let longest = squares.iter().fold(0.0, |most: f64, x| most.max(*x));
-                if self.degeneracy.is_collinear(area_squared, longest) {
-                    continue;
-                }
-                if area_squared < THIN * THIN * squares[0] * squares[1] {
+                let Some(corner) = self.triangle(own, [(xa, of_a), (xb, of_b)]) else { continue };
+                let [square_a, square_b] = corner.squares;
+                if corner.area_squared < THIN * THIN * square_a * square_b {
                     return None;
                 }
-                let parts = self.kind.parts(&[own, first, second]);
-                let law = self.laws.at(parts, area_squared.sqrt(), &[], self.common)?;
+                let (law, normal) = (self.law(&corner)?, corner.normal);
                 // In the plane the second bond lies to the left of the first.
                 let turned = D == 2 && normal[0] < 0.0;
                 let (first, second) = if turned { (b, a) } else { (a, b) };
@@ -136,7 +237,7 @@ impl Table<'_> {
 
 /// `x` cross a normal.
 #[inline(always)]
-fn turned<T: Scalar, const D: usize>(x: &[T; D], normal: &[T; 3]) -> [T; D] {
+pub(super) fn turned<T: Scalar, const D: usize>(x: &[T; D], normal: &[T; 3]) -> [T; D] {
     if D == 2 {
         return each(|axis| if axis == 0 { x[1] * normal[0] } else { -(x[0] * normal[0]) });
     }

@@ -75,7 +75,7 @@ impl AlongRows {
         };
         let room = [0.0; WIDEST];
         Some(AlongRows {
-            directed: runs.directed::<D>(n),
+            directed: runs.directed::<D>(std::iter::once(0..n)),
             weights: weight(1.0).chain(weight(-1.0)).collect(),
             volumes: (!all_same).then(|| [&room, fitted.volumes, &room].concat()),
             coefficients: by_groups(fitted.coefficients, D * D, fitted.per_length),

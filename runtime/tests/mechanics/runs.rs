@@ -59,8 +59,12 @@ fn laws(psi: &str, level: Level, d: usize) -> Laws {
 
 fn laws_at(psi: &str, level: Level, d: usize, horizon: f64) -> Laws {
     let volumes = if d == 3 { "psi(v) = 30*V*(v/V - 1)^2 + 0.1*v" } else { "" };
-    let text = format!("potential p\npsi(l) = {psi}\npsi(a) = 20*A*(a/A - 1)^2\n{volumes}\n");
-    let (_, model) = check_text(&text).unwrap();
+    let text = format!("psi(l) = {psi}\npsi(a) = 20*A*(a/A - 1)^2\n{volumes}\n");
+    laws_of(&text, level, d, horizon)
+}
+
+fn laws_of(energies: &str, level: Level, d: usize, horizon: f64) -> Laws {
+    let (_, model) = check_text(&format!("potential p\n{energies}")).unwrap();
     let settings: [(String, Setting); 0] = [];
     let values = model.values(d, &settings, Some(horizon)).unwrap();
     let compiled = model.compile(&values, Mode::Jit(level), Form::Accurate).unwrap();
@@ -346,6 +350,30 @@ fn a_thin_triangle_leaves_all_tangents_to_batches() {
             assert!(error < 4e-13, "{what}: {error:e}");
         }
     }
+}
+
+/// Laws by the square of the area have derivatives where two corners are one point.
+#[test]
+fn triangles_without_area_have_tangents() {
+    let (body, horizon) = (&bodies()[2], 2.2 * SPACING);
+    let of = |level| {
+        let laws = laws_of("psi(a) = 20*A*((a/A)^2 - 1)^2\n", level, 3, horizon);
+        DiscreteEnergy::new(Arc::clone(body), horizon, Weights::Unit, laws).unwrap()
+    };
+    let mut u = vec![0.0; 3 * body.n_points()];
+    let (rows, batches) = (of(Level::Fast), of(Level::Strict));
+    assert_eq!(rows.along_rows(), [Measure::Area]);
+    let own = body.n_points() / 2;
+    let next = rows.neighborhood().upper(own).iter().find(|other| {
+        let bond = 3 * *other as usize;
+        (body.positions()[bond] - body.positions()[3 * own] - SPACING).abs() < 1e-6 * SPACING
+            && (1..3)
+                .all(|k| (body.positions()[bond + k] - body.positions()[3 * own + k]).abs() < 1e-9)
+    });
+    u[3 * next.unwrap() as usize] = -SPACING;
+    let (found, expected) = (state(&rows, &u), state(&batches, &u));
+    let error = distance(&found.tangent, &expected.tangent);
+    assert!(error < 4e-13, "{error:e}");
 }
 
 /// What runs refuse is worked out again in batches, which name the points, or find that it is finite.

@@ -250,7 +250,7 @@ impl Group<'_> {
         let place = |point: isize| (point + WIDEST as isize - axes.first as isize) as usize;
         let own = place(self.first as isize);
         for (number, &Bundle { vector, other, owners }) in bundles.iter().enumerate() {
-            let owners = owners & self.here;
+            let (owners, other) = (owners & self.here, other as isize);
             let mut bond = Beside {
                 vector,
                 other,

@@ -218,7 +218,7 @@ pub(crate) struct Bundle {
     /// The number of its vector.
     pub(crate) vector: u32,
     /// The other end of the first owner's bond, whether that has it or not.
-    pub(crate) other: isize,
+    pub(crate) other: i32,
     /// A bit for each owner that has it.
     pub(crate) owners: u8,
 }
@@ -288,7 +288,7 @@ impl Groups<'_> {
             let lanes = own.start.max(first) - first..own.end.min(end) - first;
             room.add(Bundle {
                 vector: run.vector,
-                other: first as isize + run.other as isize - run.owner as isize,
+                other: (first as i64 + i64::from(run.other) - i64::from(run.owner)) as i32,
                 owners: lanes.fold(0, |owners, lane| owners | 1 << lane),
             });
         }
@@ -315,7 +315,8 @@ impl Directed {
         let (group, lane) = (point / WIDEST, point % WIDEST);
         let own = &mut self.bundles[self.start[group]..self.start[group + 1]];
         let has = |bundle: &&mut Bundle| {
-            bundle.owners >> lane & 1 == 1 && bundle.other + lane as isize == other as isize
+            bundle.owners >> lane & 1 == 1
+                && bundle.other as isize + lane as isize == other as isize
         };
         if let Some(bundle) = own.iter_mut().find(has) {
             bundle.owners &= !(1 << lane);

@@ -34,7 +34,8 @@ use crate::interaction::Slabs;
 use crate::interaction::runs::Directed;
 use crate::neighborhood::Neighborhood;
 
-/// Most triangles on all bonds of a point, 64 MiB of them: a horizon of six spacings has 0.3 million.
+/// Most triangles on all bonds of a point, 64 MiB of them: a horizon of six spacings has 0.2 million, one of
+/// seven 0.5.
 const MOST: usize = 1 << 20;
 
 /// What tangents need of the triangles of a lattice body.

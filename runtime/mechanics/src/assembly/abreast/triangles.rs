@@ -333,7 +333,8 @@ impl<S: Simd, const D: usize> First<S, D> {
         if let Some(inside) = shares.inside {
             thin = thin * inside;
         }
-        out.refused = out.refused + square.where_less(thin, nothing, zero);
+        // Bonds without length are none that a normal says something about.
+        out.refused = out.refused + thin.where_less(square, zero, nothing);
         if out.has_forces {
             out.refused = out.refused + first.zero_or_nan();
             let scaled: [Lanes<S>; 3] =

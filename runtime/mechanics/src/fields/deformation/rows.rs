@@ -169,7 +169,7 @@ impl AlongRows {
             scale = Some(Lanes::load(simd, &inside, register));
         }
         if with_volumes && let Some(volumes) = &self.volumes {
-            let volume = Lanes::load(simd, &volumes[place(bundle.other)..], register);
+            let volume = Lanes::load(simd, &volumes[place(bundle.other as isize)..], register);
             scale = Some(match scale {
                 Some(inside) => inside * volume,
                 None => volume,
@@ -230,7 +230,7 @@ impl<const D: usize> WithSimd for Gradients<'_, D> {
                 let mut sums = [[zero; D]; D];
                 for bundle in rows.directed.of_group(group) {
                     let weight = &weights[bundle.vector as usize];
-                    let there = place(bundle.other);
+                    let there = place(bundle.other as isize);
                     let mut eta: [Lanes<S>; D] = each(|axis| at(axis, there) - here[axis]);
                     if let Some(scale) = rows.scale(simd, bundle, register, true) {
                         eta = each(|axis| eta[axis] * scale);
@@ -296,7 +296,7 @@ impl<const D: usize> WithSimd for Forces<'_, D> {
                 };
                 let mut sums = [zero; D];
                 for bundle in rows.directed.of_group(group) {
-                    let there = place(bundle.other);
+                    let there = place(bundle.other as isize);
                     let inside = rows.scale(simd, bundle, register, false);
                     // Seen from the other end the vector points here.
                     for k in 0..D {

@@ -325,23 +325,23 @@ impl DiscreteEnergy {
             Some(row_start) => Layout::Rows(row_start, d * d),
             None => Layout::Points(d * d),
         };
-        let mut add_up = |in_fans: bool| {
+        let mut add_up = |fans: Option<&AtomicBool>| {
             gradient.fill(0.0);
             let arrays = (Part::new(Layout::Points(d), gradient), Part::new(layout, blocks));
             match &self.rooms {
                 Rooms::Plane(rooms) => self.over_slabs(rooms, arrays, |slab, [own, next], room| {
-                    SlabTask::new((row_start, in_fans), slab, own, next)
-                        .in_plane(self, order, u, room)
+                    SlabTask::new((row_start, fans), slab, own, next).in_plane(self, order, u, room)
                 }),
                 Rooms::Space(rooms) => self.over_slabs(rooms, arrays, |slab, [own, next], room| {
-                    SlabTask::new((row_start, in_fans), slab, own, next)
-                        .in_space(self, order, u, room)
+                    SlabTask::new((row_start, fans), slab, own, next).in_space(self, order, u, room)
                 }),
             }
         };
-        let in_fans = order == Order::Tangent && self.on_lattice.has_triangle_blocks(self);
+        let are_refused = AtomicBool::new(false);
+        let go_in_fans = order == Order::Tangent && self.on_lattice.has_triangle_blocks(self);
+        let fans = go_in_fans.then_some(&are_refused);
         // A fan has triangles of several slabs: where those of one do not go so, those of no other do.
-        let energies = add_up(in_fans)?.map_or_else(|| add_up(false), |known| Ok(Some(known)))?;
+        let energies = add_up(fans)?.map_or_else(|| add_up(None), |known| Ok(Some(known)))?;
         let energies = self.kinds().into_iter().zip(energies.unwrap_or_default());
         let modelled = energies.filter(|(kind, _)| kind.is_some());
         parts.iter_mut().zip(modelled).for_each(|(part, (_, energy))| *part = energy);

@@ -1,6 +1,6 @@
 //! The interactions that one slab owns, added up in the rows of its points.
 
-use std::sync::atomic::Ordering;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::DiscreteEnergy;
 use super::abreast::AbreastRoom;
@@ -27,8 +27,9 @@ pub(super) struct SlabTask<'a> {
     rows: Rows<'a>,
     /// Whether no other slab has written to these rows yet.
     is_first: bool,
-    /// Whether the tangent of triangles goes by the fans of bonds.
-    in_fans: bool,
+    /// Present where the tangent of triangles goes by the fans of bonds: whether some slab has found that it
+    /// cannot.
+    fans: Option<&'a AtomicBool>,
 }
 
 /// The energy of one slab.
@@ -119,9 +120,10 @@ type Arrays<'a> = (Part<'a, f64>, Part<'a, f64>);
 
 impl<'a> SlabTask<'a> {
     /// With the rows of a slab and of the next; `row_start` says where the blocks of points start,
-    /// and is absent where only diagonal blocks are wanted; whether triangles go by fans.
+    /// and is absent where only diagonal blocks are wanted; where triangles go by fans, whether some slab has
+    /// found that they cannot.
     pub(super) fn new(
-        (row_start, in_fans): (Option<&'a [usize]>, bool),
+        (row_start, fans): (Option<&'a [usize]>, Option<&'a AtomicBool>),
         slab: usize,
         here: &'a mut Arrays<'_>,
         next: &'a mut Arrays<'_>,
@@ -131,7 +133,7 @@ impl<'a> SlabTask<'a> {
             gradient: Touched::new(&mut here.0, &mut next.0),
             blocks: Touched::new(&mut here.1, &mut next.1),
         };
-        SlabTask { slab, rows, is_first: slab.is_multiple_of(2), in_fans }
+        SlabTask { slab, rows, is_first: slab.is_multiple_of(2), fans }
     }
 
     /// Assembles the interactions of the slab in the plane, kind by kind.
@@ -156,7 +158,7 @@ impl<'a> SlabTask<'a> {
     ) -> Result<SlabEnergy, NonFinite> {
         let visit = Visit { energy, slab: self.slab, order, u, only: None };
         let mut total = self.bonds_and_triangles(visit, room)?;
-        if let Some(kind) = &energy.tetrahedra {
+        if let Some(kind) = energy.tetrahedra.as_ref().filter(|_| !total.are_no_fans) {
             total.tetrahedra = self.tetrahedra(visit, kind, room)?;
         }
         Ok(total)
@@ -187,6 +189,10 @@ impl<'a> SlabTask<'a> {
         visit: Visit<'_>,
         room: &mut Room<D>,
     ) -> Result<SlabEnergy, NonFinite> {
+        // What this slab would find is not looked at.
+        if self.fans.is_some_and(|are_refused| are_refused.load(Ordering::Relaxed)) {
+            return Ok(SlabEnergy { are_no_fans: true, ..SlabEnergy::default() });
+        }
         let untouched = self.untouched(visit.energy);
         let (energy, rows) = (visit.energy, &mut self.rows);
         let mut total = SlabEnergy::default();
@@ -203,18 +209,20 @@ impl<'a> SlabTask<'a> {
         if let (Some(kind), Some(room)) = (&energy.bonds, &mut room.bonds) {
             total.bonds = bonds::<D>(visit, untouched, (kind, known.bonds), room, rows)?;
         }
-        if self.in_fans {
-            total.are_no_fans = known.triangles.is_none();
-            if total.are_no_fans {
-                return Ok(total);
+        if let Some(are_refused) = self.fans {
+            if known.triangles.is_none() {
+                are_refused.store(true, Ordering::Relaxed);
+                return Ok(SlabEnergy { are_no_fans: true, ..total });
             }
             let (lattice, Room { axes, abreast, .. }) = (&energy.on_lattice, &mut *room);
             lattice.add_triangle_blocks::<D>(energy, visit.slab, visit.u, (axes, abreast), rows);
         }
         let Room { cliques, gathered: [_, gathered, _], sums, .. } = room;
         if let (Some(kind), Some(gathered)) = (&energy.triangles, gathered) {
-            let left =
-                Left { with_blocks: self.in_fans, ..Left::new(visit, known.triangles.is_some()) };
+            let left = Left {
+                with_blocks: self.fans.is_some(),
+                ..Left::new(visit, known.triangles.is_some())
+            };
             total.triangles = known.triangles.unwrap_or_default();
             if !left.is_nothing() {
                 let (added, is_own, sum) = (Added::new(visit.order), true, total.triangles);

@@ -88,6 +88,9 @@ struct Beside<const D: usize> {
     next: u32,
 }
 
+/// The upper triangle of a block in space, row by row.
+const UPPER: [[usize; 2]; 6] = [[0, 0], [0, 1], [0, 2], [1, 1], [1, 2], [2, 2]];
+
 /// No bond.
 const NONE: u32 = u32::MAX;
 

@@ -15,7 +15,8 @@ use super::super::axes::Axes;
 use super::super::quadratic::{Quadratic, Quadratics, SIGNED};
 use super::super::rows::Rows;
 use super::{
-    Abreast, AbreastRoom, Beside, CornerShares, Eight, Group, NONE, Register, Walk, growth, weighed,
+    Abreast, AbreastRoom, Beside, CornerShares, Eight, Group, NONE, Register, UPPER, Walk, growth,
+    weighed,
 };
 use crate::element::WIDEST;
 use crate::geometry::lanes::Lanes;
@@ -304,9 +305,6 @@ fn add_blocks<S: Simd>(
         }
     }
 }
-
-/// The upper triangle of a block, row by row.
-const UPPER: [[usize; 2]; 6] = [[0, 0], [0, 1], [0, 2], [1, 1], [1, 2], [2, 2]];
 
 /// `x` cross each row.
 #[inline(always)]

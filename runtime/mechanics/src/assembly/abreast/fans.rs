@@ -26,7 +26,7 @@ use super::super::axes::Axes;
 use super::super::quadratic::{Quadratics, SIGNED};
 use super::super::rows::Rows;
 use super::triangles::{Pair, Table, turned};
-use super::{Abreast, AbreastRoom, Beside, Eight, Group, NONE, Register, growth, weighed};
+use super::{Abreast, AbreastRoom, Beside, Eight, Group, NONE, Register, UPPER, growth, weighed};
 use crate::element::WIDEST;
 use crate::geometry::lanes::Lanes;
 use crate::geometry::{Scalar, cross, dot, each};
@@ -90,7 +90,7 @@ impl Fans {
 }
 
 /// The blocks of a slab on their way, at displacements that reach from the slab before to the slab behind.
-pub(super) struct FanSweep<'a, 'r, const D: usize, const WAY: u8> {
+pub(super) struct FanSweep<'a, 'r, const D: usize> {
     pub(super) of: &'a Abreast,
     pub(super) fans: &'a Fans,
     pub(super) neighborhood: &'a Neighborhood,
@@ -100,12 +100,15 @@ pub(super) struct FanSweep<'a, 'r, const D: usize, const WAY: u8> {
     pub(super) rows: &'a mut Rows<'r>,
 }
 
-impl<const D: usize, const WAY: u8> WithSimd for FanSweep<'_, '_, D, WAY> {
+/// The same of laws by one way.
+pub(super) struct FansByWay<'a, 'r, const D: usize, const WAY: u8>(pub(super) FanSweep<'a, 'r, D>);
+
+impl<const D: usize, const WAY: u8> WithSimd for FansByWay<'_, '_, D, WAY> {
     type Output = ();
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let FanSweep { of, fans, neighborhood, slabs, axes, room, rows } = self;
+        let FanSweep { of, fans, neighborhood, slabs, axes, room, rows } = self.0;
         let AbreastRoom { bonds, first: first_of, fans: room, .. } = room;
         let (slab, vectors) = (axes.slab, fans.vectors.as_chunks::<D>().0);
         let points = slabs.owners(slab);
@@ -133,7 +136,6 @@ impl<const D: usize, const WAY: u8> WithSimd for FanSweep<'_, '_, D, WAY> {
 
 /// The triangles of a bond, in a register. Laws have roots and quotients, which take long: that many of these are
 /// on their way at once, triangles are listed first, then derived, then summed.
-#[derive(Default)]
 pub(super) struct FanRoom {
     /// The numbers of each triangle in the table, and of the bond with its third corner.
     listed: Vec<[u32; 2]>,
@@ -185,13 +187,10 @@ impl<S: Simd, const D: usize> OfPoints<'_, S, D> {
                 let at = Register { simd: self.simd, group: self.group, number };
                 if !MASKED || bond.owners & at.owners() != 0 {
                     let n = self.list::<WAY, MASKED>(at, bond, room);
-                    let found = match D {
-                        2 => self.block_in_plane(at, bond, n, room),
-                        _ => {
-                            self.derive::<WAY, MASKED>(at, n, room);
-                            self.block_in_space(at, bond, n, room)
-                        }
-                    };
+                    if WAY != SIGNED {
+                        self.derive::<WAY, MASKED>(at, n, room);
+                    }
+                    let found = self.block::<WAY>(at, bond, n, room);
                     for (i, j) in (0..D * D).map(|part| (part / D, part % D)) {
                         found[i][j].store(&mut block[i][j], at.number);
                         (at.load(&own[i][j]) + found[i][j]).store(&mut own[i][j], at.number);
@@ -264,39 +263,9 @@ impl<S: Simd, const D: usize> OfPoints<'_, S, D> {
         }
     }
 
-    /// The block of a bond in the plane, from the list of its triangles.
+    /// The block of a bond, from the list of its triangles.
     #[inline(always)]
-    fn block_in_plane(
-        &self,
-        at: Register<'_, S>,
-        bond: &Beside<D>,
-        n: usize,
-        room: &FanRoom,
-    ) -> [[Lanes<S>; D]; D] {
-        let (q, zero, one) = (at.load_all(&bond.now), at.splat(0.0), at.splat(1.0));
-        let numbers = S::as_simd_f64s(&room.numbers).0;
-        let mut block = [[zero; D]; D];
-        for (listed, numbers) in room.listed[..n].iter().zip(numbers.chunks_exact(NUMBERS)) {
-            let r = at.load_all(&self.bonds[listed[1] as usize].now);
-            let (first, second) =
-                (Lanes::new(at.simd, numbers[4]), Lanes::new(at.simd, numbers[5]));
-            let across: [Lanes<S>; D] = each(|axis| r[axis] - q[axis]);
-            let (p, m) = (turned(&across, &[one; 3]), turned(&r, &[one; 3]));
-            for i in 0..D {
-                let scaled = second * p[i];
-                for j in 0..D {
-                    block[i][j] = block[i][j] - scaled * m[j];
-                }
-            }
-            block[0][1] = block[0][1] + first;
-            block[1][0] = block[1][0] - first;
-        }
-        block
-    }
-
-    /// The same in space.
-    #[inline(always)]
-    fn block_in_space(
+    fn block<const WAY: u8>(
         &self,
         at: Register<'_, S>,
         bond: &Beside<D>,
@@ -305,13 +274,19 @@ impl<S: Simd, const D: usize> OfPoints<'_, S, D> {
     ) -> [[Lanes<S>; D]; D] {
         let q = at.load_all(&bond.now);
         let numbers = S::as_simd_f64s(&room.numbers).0;
+        let mut block = [[at.splat(0.0); D]; D];
         let mut sums = Heights::new(at, &q, at.load(&bond.square));
         for (listed, numbers) in room.listed[..n].iter().zip(numbers.chunks_exact(NUMBERS)) {
             let lanes = |number: usize| Lanes::new(at.simd, numbers[number]);
             let r = at.load_all(&self.bonds[listed[1] as usize].now);
-            sums.add(&r, ([lanes(0), lanes(1), lanes(2)], lanes(3)), [lanes(4), lanes(5)]);
+            let derivatives = [lanes(4), lanes(5)];
+            if WAY == SIGNED {
+                add_in_plane(&mut block, &q, &r, derivatives);
+            } else {
+                sums.add(&r, ([lanes(0), lanes(1), lanes(2)], lanes(3)), derivatives);
+            }
         }
-        sums.block()
+        if WAY == SIGNED { block } else { sums.block() }
     }
 
     /// Adds the block of a bond, and takes it off the own blocks of its other ends.
@@ -350,6 +325,27 @@ fn in_plane<S: Simd>(
     let changed = law.changed::<SIGNED, true>(sign, sign * grown);
     numbers[4] = weighed(sign * changed.first, weight).numbers();
     numbers[5] = weighed(changed.second, weight).numbers();
+}
+
+/// Adds a triangle in the plane to the block of a bond `q`, with its derivatives.
+#[inline(always)]
+fn add_in_plane<S: Simd, const D: usize>(
+    block: &mut [[Lanes<S>; D]; D],
+    q: &[Lanes<S>; D],
+    r: &[Lanes<S>; D],
+    [first, second]: [Lanes<S>; 2],
+) {
+    let one = first.alike(1.0);
+    let across: [Lanes<S>; D] = each(|axis| r[axis] - q[axis]);
+    let (p, m) = (turned(&across, &[one; 3]), turned(r, &[one; 3]));
+    for i in 0..D {
+        let scaled = second * p[i];
+        for j in 0..D {
+            block[i][j] = block[i][j] - scaled * m[j];
+        }
+    }
+    block[0][1] = block[0][1] + first;
+    block[1][0] = block[1][0] - first;
 }
 
 /// Writes what derivatives in space follow from.
@@ -444,6 +440,3 @@ impl<S: Simd, const D: usize> Heights<S, D> {
         block
     }
 }
-
-/// The upper triangle of a block, row by row.
-const UPPER: [[usize; 2]; 6] = [[0, 0], [0, 1], [0, 2], [1, 1], [1, 2], [2, 2]];

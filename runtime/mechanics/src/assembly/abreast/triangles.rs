@@ -10,7 +10,7 @@ use super::super::kind::{AffineLaws, Kind};
 use super::super::quadratic::{Changed, Quadratic, Quadratics, ROOT, SIGNED, SQUARE};
 use super::super::rows::Rows;
 use super::super::sum::Sum;
-use super::fans::{FanSweep, Fans};
+use super::fans::{FanSweep, Fans, FansByWay};
 use super::{
     Abreast, AbreastRoom, Added, Beside, Cliques, CornerShares, NONE, Register, cross, growth,
     weighed,
@@ -91,34 +91,11 @@ impl TriangleRuns {
     ) {
         let Some(Some(fans)) = self.fans.get() else { return };
         let of = &self.abreast;
+        let sweep = FanSweep { of, fans, neighborhood, slabs, axes, room, rows };
         match (D, self.by_square) {
-            (2, _) => of.arch.dispatch(FanSweep::<D, SIGNED> {
-                of,
-                fans,
-                neighborhood,
-                slabs,
-                axes,
-                room,
-                rows,
-            }),
-            (_, false) => of.arch.dispatch(FanSweep::<D, ROOT> {
-                of,
-                fans,
-                neighborhood,
-                slabs,
-                axes,
-                room,
-                rows,
-            }),
-            (_, true) => of.arch.dispatch(FanSweep::<D, SQUARE> {
-                of,
-                fans,
-                neighborhood,
-                slabs,
-                axes,
-                room,
-                rows,
-            }),
+            (2, _) => of.arch.dispatch(FansByWay::<D, SIGNED>(sweep)),
+            (_, false) => of.arch.dispatch(FansByWay::<D, ROOT>(sweep)),
+            (_, true) => of.arch.dispatch(FansByWay::<D, SQUARE>(sweep)),
         }
     }
 
@@ -173,7 +150,7 @@ pub(super) struct Corner {
 }
 
 impl<'a> Table<'a> {
-    /// Nothing of laws that are not affine; of a measure with a sign they are by itself, not by its square.
+    /// Nothing of laws that are not affine.
     fn new(runs: &'a Runs, kind: &'a Kind, common: f64, shape: Shape) -> Option<Table<'a>> {
         let laws = kind.affine_laws().filter(|_| !kind.forbids_inversion())?;
         Some(Table { laws, kind, runs, common, shape })

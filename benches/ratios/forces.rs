@@ -1,4 +1,5 @@
-//! Forces of bonds, triangles and tetrahedra alone, and products with the Hessian of bonds, against loops by hand.
+//! Forces of bonds, triangles and tetrahedra alone, against loops by hand; products with the Hessian that is not
+//! stored, against those with the stored one.
 
 mod cliques;
 
@@ -31,9 +32,9 @@ pub(crate) fn run() -> Vec<Table> {
         Division::OursByTheirs,
     );
     let mut products = Table::of_ratios(
-        "bond-products",
-        "Products with the Hessian of bonds that is not stored, per bond, 20^3 points, horizon 3, one thread; runs in \
-         turn. Theirs: products with the stored one.",
+        "products-not-stored",
+        "Products with the Hessian that is not stored, of bonds and triangles of 20^3 points, per one of them, and of \
+         tetrahedra of 12^3 points; horizon 3, one thread; runs in turn. Theirs: products with the stored one.",
         ["ours, ns", "stored, ns"],
         Division::OursByTheirs,
     );
@@ -48,8 +49,14 @@ pub(crate) fn run() -> Vec<Table> {
             let (law, name) = (SethHill::new(2.0), "modified stretch");
             compare(&mut forces, points, (name, modified_bar), &law, by_square);
         }
-        for (name, n) in [("true stretch", 1.0), ("modified stretch", 2.0)] {
-            multiply(&mut products, name, &SethHill::new(n));
+        for (name, points, n, measure) in [
+            ("bonds, true stretch", 20, 1.0, Measure::Length),
+            ("bonds, modified stretch", 20, 2.0, Measure::Length),
+            ("triangles", 20, 1.0, Measure::Area),
+            ("triangles, by the square", 20, 2.0, Measure::Area),
+            ("tetrahedra", 12, 1.0, Measure::Volume),
+        ] {
+            multiply(&mut products, name, points, (&SethHill::new(n), measure));
         }
     });
     let [of_triangles, of_tetrahedra] = with_threads(1, cliques::run);
@@ -184,9 +191,9 @@ fn in_three_ways(
     times.map(|times| times.least())
 }
 
-fn multiply(table: &mut Table, name: &str, law: &SethHill) {
-    let body = cube(20);
-    let [in_runs, in_batches] = both_ways(law, &body, Measure::Length);
+fn multiply(table: &mut Table, name: &str, points: usize, (law, measure): (&SethHill, Measure)) {
+    let body = cube(points);
+    let [in_runs, in_batches] = both_ways(law, &body, measure);
     let u = displacement(&body);
     let p: Vec<f64> = u.iter().rev().copied().collect();
     let (mut gradient, mut tangent) = (vec![0.0; u.len()], BlockMatrix::zeros(in_runs.pattern()));
@@ -208,7 +215,12 @@ fn multiply(table: &mut Table, name: &str, law: &SethHill) {
     for ours in &ours {
         assert_close(name, ours, &theirs);
     }
-    let count = in_runs.report().bonds as f64;
+    let counts = in_runs.report();
+    let count = match measure {
+        Measure::Length => counts.bonds,
+        Measure::Area => counts.triangles,
+        Measure::Volume => counts.tetrahedra,
+    } as f64;
     let [runs, batches, theirs] = times.map(|times| times.least() / count * 1e9);
     let of = Statistic::Least(ROUNDS);
     table.ratio(format!("{name}, in runs"), [runs, theirs], of, Bar::None);

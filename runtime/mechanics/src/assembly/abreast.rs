@@ -62,7 +62,11 @@ impl Abreast {
     ) -> Option<Sum> {
         let mut sum = Sum::default();
         let sweep = Sweep { of: self, cliques, owners, wanted, axes, room, sum: &mut sum };
-        self.arch.dispatch(sweep).then_some(sum)
+        let is_well = match wanted {
+            Wanted::Product => self.arch.dispatch(Multiplied(sweep)),
+            Wanted::Order(_) => self.arch.dispatch(sweep),
+        };
+        is_well.then_some(sum)
     }
 }
 
@@ -75,7 +79,9 @@ struct Beside<const D: usize> {
     eta: [Eight; D],
     now: [Eight; D],
     square: Eight,
-    /// The sum of the forces on the other end.
+    /// How far a direction moves the other end from the owner; only of products.
+    way: [Eight; D],
+    /// The sum of the forces on the other end, or of what the direction changes them by.
     force: [Eight; D],
     /// A bit for each owner that has the bond; and 1 for these, 0 for all others.
     owners: u8,
@@ -121,8 +127,8 @@ impl<const D: usize> AbreastRoom<D> {
 /// The interactions of one kind, from a table.
 trait Cliques<const D: usize> {
     /// Those of one register of a group. `MASKED`: not every owner has every bond, or weights are not the
-    /// same for all.
-    fn add<S: Simd, const MASKED: bool>(
+    /// same for all. `PRODUCT`: what a direction changes forces by in place of these.
+    fn add<S: Simd, const MASKED: bool, const PRODUCT: bool>(
         &self,
         at: Register<'_, S>,
         bonds: &mut [Beside<D>],
@@ -147,6 +153,25 @@ impl<C: Cliques<D>, const D: usize> WithSimd for Sweep<'_, C, D> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> bool {
+        self.run::<S, false>(simd)
+    }
+}
+
+/// The same for products.
+struct Multiplied<'a, C, const D: usize>(Sweep<'a, C, D>);
+
+impl<C: Cliques<D>, const D: usize> WithSimd for Multiplied<'_, C, D> {
+    type Output = bool;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> bool {
+        self.0.run::<S, true>(simd)
+    }
+}
+
+impl<C: Cliques<D>, const D: usize> Sweep<'_, C, D> {
+    #[inline(always)]
+    fn run<S: Simd, const PRODUCT: bool>(self, simd: S) -> bool {
         let Sweep { of, cliques, owners, wanted, axes, room, sum } = self;
         let (zero, one) = (Lanes::splat(simd, 0.0), Lanes::splat(simd, 1.0));
         let sum = wanted.has_energy().then_some(sum);
@@ -154,13 +179,14 @@ impl<C: Cliques<D>, const D: usize> WithSimd for Sweep<'_, C, D> {
         let AbreastRoom { groups, bonds, first: first_of, .. } = room;
         let mut walk = Walk::new(of, axes.slab, owners, groups);
         // Loops and no closures: these would be functions of their own, without the machine's registers.
-        while let Some((group, is_whole)) = walk.next(simd, axes, bonds, first_of) {
+        while let Some((group, is_whole)) = walk.next::<S, D, PRODUCT>(simd, axes, bonds, first_of)
+        {
             for number in 0..WIDEST / Lanes::<S>::WIDTH {
                 let at = Register { simd, group: &group, number };
                 if is_whole {
-                    cliques.add::<S, false>(at, bonds, first_of, &mut out);
+                    cliques.add::<S, false, PRODUCT>(at, bonds, first_of, &mut out);
                 } else {
-                    cliques.add::<S, true>(at, bonds, first_of, &mut out);
+                    cliques.add::<S, true, PRODUCT>(at, bonds, first_of, &mut out);
                 }
             }
             if out.has_forces {
@@ -191,7 +217,7 @@ impl<'a> Walk<'a> {
     /// The next group, and whether each of it has all of its bonds, with weights that are the same for all;
     /// what these bonds have become, and the first of them of each vector.
     #[inline(always)]
-    fn next<S: Simd, const D: usize>(
+    fn next<S: Simd, const D: usize, const PRODUCT: bool>(
         &mut self,
         simd: S,
         axes: &Axes,
@@ -208,7 +234,8 @@ impl<'a> Walk<'a> {
                 let is_even = self.of.shares.is_none() && self.of.parts.is_none();
                 let is_whole = is_even && here == u8::MAX && bundles.iter().all(has_all);
                 let group = Group { of: self.of, first: owners.start, here };
-                group.gather(simd, (bundles, self.of.runs.vectors::<D>()), axes, bonds, first_of);
+                let bundles = (bundles, self.of.runs.vectors::<D>());
+                group.gather::<S, D, PRODUCT>(simd, bundles, axes, bonds, first_of);
                 return Some((group, is_whole));
             }
         }
@@ -242,7 +269,7 @@ struct Group<'a> {
 impl Group<'_> {
     /// What the bonds of the group have become, from their vectors at rest in m.
     #[inline(always)]
-    fn gather<S: Simd, const D: usize>(
+    fn gather<S: Simd, const D: usize, const PRODUCT: bool>(
         &self,
         simd: S,
         (bundles, vectors): (&[Bundle], &[[f64; D]]),
@@ -261,6 +288,7 @@ impl Group<'_> {
                 eta: [[0.0; WIDEST]; D],
                 now: [[0.0; WIDEST]; D],
                 square: [0.0; WIDEST],
+                way: [[0.0; WIDEST]; D],
                 force: [[0.0; WIDEST]; D],
                 inside: each(|lane| f64::from(owners >> lane & 1)),
                 share: [0.0; WIDEST],
@@ -279,6 +307,12 @@ impl Group<'_> {
                     eta.store(&mut bond.eta[axis], register);
                     now[axis] = Lanes::splat(simd, rest[axis]) + eta;
                     now[axis].store(&mut bond.now[axis], register);
+                    if PRODUCT {
+                        let p = &axes.direction[axis * axes.stride..][..axes.stride];
+                        let at = |place: usize| Lanes::load(simd, &p[place..], register);
+                        let way = (at(place(other)) - at(own)) * inside;
+                        way.store(&mut bond.way[axis], register);
+                    }
                 }
                 dot(&now, &now).store(&mut bond.square, register);
                 if let Some(shares) = &self.of.shares {

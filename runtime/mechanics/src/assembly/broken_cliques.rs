@@ -262,7 +262,7 @@ struct Holding<'a> {
     held: Held,
 }
 
-impl<const D: usize, const K: usize> Sink<D, K> for &mut Holding<'_> {
+impl<const D: usize, const K: usize> Sink<D, K> for Holding<'_> {
     fn take(&mut self, cliques: &OwnerCliques<'_, D>, batch: &[Clique], out: &mut Contributions) {
         for (lane, clique) in batch.iter().enumerate() {
             let power = power::<D, K>(cliques, (clique, lane), out, self.direction);

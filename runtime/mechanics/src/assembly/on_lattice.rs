@@ -90,8 +90,7 @@ impl OnLattice {
     }
 
     /// Adds up what bonds and triangles of a slab have, in `axes`; nothing where some of it is not finite,
-    /// or has lost digits: then all goes as on clouds, which names or repairs it. Of products there are
-    /// those of bonds.
+    /// or has lost digits: then all goes as on clouds, which names or repairs it. Products are with the direction `p`.
     pub(super) fn add<const D: usize>(
         &self,
         energy: &DiscreteEnergy,
@@ -100,8 +99,7 @@ impl OnLattice {
         wanted: Wanted,
         (axes, abreast): (&mut Axes, &mut AbreastRoom<D>),
     ) -> Option<OnLatticeSums> {
-        let nothing = self.bonds.is_none() && (p.is_some() || self.triangles.is_none());
-        if nothing {
+        if self.bonds.is_none() && self.triangles.is_none() {
             return None;
         }
         axes.set::<D>(energy, slab, u, p);
@@ -109,7 +107,7 @@ impl OnLattice {
         if let Some(bonds) = &self.bonds {
             sums.bonds = Some(bonds.add::<D>(wanted, axes)?);
         }
-        if let Some(triangles) = self.triangles.as_ref().filter(|_| wanted != Wanted::Product) {
+        if let Some(triangles) = &self.triangles {
             let owners = owners(energy, slab);
             sums.triangles = Some(triangles.add::<D>(owners, wanted, axes, abreast)?);
         }
@@ -149,12 +147,12 @@ impl OnLattice {
         &self,
         energy: &DiscreteEnergy,
         slab: usize,
-        u: &[f64],
+        (u, p): (&[f64], Option<&[f64]>),
         wanted: Wanted,
         (axes, abreast): (&mut Axes, &mut AbreastRoom<3>),
     ) -> Option<Sum> {
         let tetrahedra = self.tetrahedra.as_ref()?;
-        axes.set::<3>(energy, slab, u, None);
+        axes.set::<3>(energy, slab, u, p);
         tetrahedra.add(owners(energy, slab), wanted, axes, abreast)
     }
 

@@ -5,8 +5,10 @@
 //! to the owner enter, and the owner's part is minus the sum of the others'. Slabs and their order
 //! are those of the assembly.
 
-use super::axes::Wanted;
+use super::abreast::AbreastRoom;
+use super::axes::{Axes, Wanted};
 use super::slab::{Room, SlabEnergy};
+use super::sum::Sum;
 use super::visit::{Sink, Visit, minus, row};
 use super::{DiscreteEnergy, Rooms};
 use crate::element::{CAPACITY, Contributions, Order};
@@ -114,7 +116,7 @@ impl Visit<'_> {
     pub(super) fn all<const D: usize, S>(
         self,
         room: &mut Room<D>,
-        mut sink: S,
+        sink: &mut S,
         is_meant: [bool; 3],
     ) -> Result<(), NonFinite>
     where
@@ -123,13 +125,13 @@ impl Visit<'_> {
         let Room { cliques, gathered: [bonds, triangles, tetrahedra], .. } = room;
         let [of_bonds, of_triangles, of_tetrahedra] = self.energy.kinds();
         if let (Some(kind), Some(gathered)) = (of_bonds.filter(|_| is_meant[0]), bonds) {
-            self.run::<D, 1>(kind, (cliques, gathered), &mut sink)?;
+            self.run::<D, 1>(kind, (cliques, gathered), sink)?;
         }
         if let (Some(kind), Some(gathered)) = (of_triangles.filter(|_| is_meant[1]), triangles) {
-            self.run::<D, 2>(kind, (cliques, gathered), &mut sink)?;
+            self.run::<D, 2>(kind, (cliques, gathered), sink)?;
         }
         if let (Some(kind), Some(gathered)) = (of_tetrahedra.filter(|_| is_meant[2]), tetrahedra) {
-            self.run::<D, 3>(kind, (cliques, gathered), &mut sink)?;
+            self.run::<D, 3>(kind, (cliques, gathered), sink)?;
         }
         Ok(())
     }
@@ -147,8 +149,13 @@ impl Hessian for InteractionHessian<'_> {
         assert!(p.len() == self.u.len() && product.len() == p.len(), "vectors are n x d");
         product.fill(0.0);
         let done = match &self.energy.rooms {
-            Rooms::Plane(rooms) => self.multiply_in(rooms, p, product),
-            Rooms::Space(rooms) => self.multiply_in(rooms, p, product),
+            Rooms::Plane(rooms) => self.multiply_in(rooms, (p, |_, _, _, _| None), product),
+            Rooms::Space(rooms) => {
+                let tetrahedra: TetrahedraOf<3> = |energy, slab, at, room| {
+                    energy.on_lattice.add_tetrahedra(energy, slab, at, Wanted::Product, room)
+                };
+                self.multiply_in(rooms, (p, tetrahedra), product)
+            }
         };
         if done.is_err() {
             product.fill(f64::NAN);
@@ -156,40 +163,76 @@ impl Hessian for InteractionHessian<'_> {
     }
 }
 
+/// Adds what tetrahedra of a slab that go along the rows of a lattice have in a product, to its axes; nothing where
+/// these do not go so.
+type TetrahedraOf<const D: usize> = fn(
+    &DiscreteEnergy,
+    usize,
+    (&[f64], Option<&[f64]>),
+    (&mut Axes, &mut AbreastRoom<D>),
+) -> Option<Sum>;
+
 impl InteractionHessian<'_> {
     fn multiply_in<const D: usize>(
         &self,
         rooms: &Pool<Room<D>>,
-        p: &[f64],
+        (p, tetrahedra): (&[f64], TetrahedraOf<D>),
         out: &mut [f64],
     ) -> Result<(), NonFinite> {
         let (energy, u, order) = (self.energy, &self.u[..], Order::Tangent);
         let rows = Part::new(Layout::Points(1), out.as_chunks_mut::<D>().0);
         let done = energy.over_slabs(rooms, rows, |slab, [here, next], room| {
             let mut sink = Product { p, rows: Touched::new(here, next) };
-            let Room { axes, abreast, fours, .. } = room;
-            let at = (u, Some(p));
-            let mut add = |point: usize, part: &[f64; D]| {
-                let row = &mut sink.rows[point];
-                (0..D).for_each(|axis| row[axis] += part[axis]);
-            };
-            let lattice = &energy.on_lattice;
-            let known = lattice.add::<D>(energy, slab, at, Wanted::Product, (axes, abreast));
-            let mut with_bonds = known.is_none();
-            if let Some(of_bonds) = energy.fours.as_ref().filter(|_| with_bonds) {
-                let known = of_bonds.add::<D>(energy, slab, at, Wanted::Product, fours);
-                with_bonds = known.is_none();
-                if known.is_some() {
-                    fours.each::<D>(&mut add);
-                }
-            } else if known.is_some() {
-                axes.each::<D>(&mut add);
-            }
+            let is_known = sink.add_known(energy, (slab, u), tetrahedra, room);
             let visit = Visit { energy, slab, order, u, only: None };
-            let done = visit.all(room, sink, [with_bonds, true, true]);
-            done.map(|()| SlabEnergy::default())
+            visit.all(room, &mut sink, is_known.map(|is_known| !is_known))?;
+            // Owners that have lost interactions do not go with the others; bonds that go so have lost none.
+            let rest = energy.lost.as_ref().map(|lost| lost.owners());
+            if let Some(rest) = rest.filter(|rest| rest.have_any(energy.slabs.owners(slab))) {
+                let [_, triangles, tetrahedra] = is_known;
+                let visit = Visit { only: Some(rest), ..visit };
+                visit.all(room, &mut sink, [false, triangles, tetrahedra])?;
+            }
+            Ok(SlabEnergy::default())
         });
         done.map(|_| ())
+    }
+}
+
+impl<const D: usize> Product<'_, D> {
+    /// Adds what goes without neighbour lists and kernels; whether that were the bonds, the triangles and the
+    /// tetrahedra.
+    fn add_known(
+        &mut self,
+        energy: &DiscreteEnergy,
+        (slab, u): (usize, &[f64]),
+        tetrahedra: TetrahedraOf<D>,
+        room: &mut Room<D>,
+    ) -> [bool; 3] {
+        let Room { axes, abreast, fours, .. } = room;
+        let at = (u, Some(self.p));
+        let mut add = |point: usize, part: &[f64; D]| {
+            let row = &mut self.rows[point];
+            (0..D).for_each(|axis| row[axis] += part[axis]);
+        };
+        let lattice = &energy.on_lattice;
+        let known = lattice.add::<D>(energy, slab, at, Wanted::Product, (axes, abreast));
+        let (mut bonds, triangles) =
+            known.map_or((false, false), |sums| (sums.bonds.is_some(), sums.triangles.is_some()));
+        if known.is_some() {
+            axes.each::<D>(&mut add);
+        }
+        if let Some(of_bonds) = energy.fours.as_ref().filter(|_| !bonds)
+            && of_bonds.add::<D>(energy, slab, at, Wanted::Product, fours).is_some()
+        {
+            fours.each::<D>(&mut add);
+            bonds = true;
+        }
+        let tetrahedra = tetrahedra(energy, slab, at, (axes, abreast)).is_some();
+        if tetrahedra {
+            axes.each::<D>(&mut add);
+        }
+        [bonds, triangles, tetrahedra]
     }
 }
 
@@ -224,9 +267,9 @@ impl DiscreteEnergy {
     ) -> Result<(), NonFinite> {
         let shares = Part::new(Layout::Points(1), shares);
         let done = self.over_slabs(rooms, shares, |slab, [here, next], room| {
-            let sink = Shares { rows: Touched::new(here, next) };
+            let mut sink = Shares { rows: Touched::new(here, next) };
             let visit = Visit { energy: self, slab, order: Order::Energy, u, only: None };
-            let done = visit.all(room, sink, is_meant);
+            let done = visit.all(room, &mut sink, is_meant);
             done.map(|()| SlabEnergy::default())
         });
         done.map(|_| ())
@@ -245,9 +288,9 @@ impl DiscreteEnergy {
             rooms,
             Part::new(Layout::Points(1), virials),
             |slab, [here, next], room| {
-                let sink = Virials { positions, rows: Touched::new(here, next) };
+                let mut sink = Virials { positions, rows: Touched::new(here, next) };
                 let visit = Visit { energy: self, slab, order: Order::Gradient, u, only: None };
-                visit.all(room, sink, [true; 3]).map(|()| SlabEnergy::default())
+                visit.all(room, &mut sink, [true; 3]).map(|()| SlabEnergy::default())
             },
         );
         done.map(|_| ())

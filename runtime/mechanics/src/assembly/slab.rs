@@ -265,7 +265,8 @@ impl Visit<'_> {
         let Room { axes, abreast, .. } = room;
         let (energy, wanted) = (self.energy, Wanted::Order(self.order));
         let lattice = &energy.on_lattice;
-        let sum = lattice.add_tetrahedra(energy, self.slab, self.u, wanted, (axes, abreast))?;
+        let sum =
+            lattice.add_tetrahedra(energy, self.slab, (self.u, None), wanted, (axes, abreast))?;
         if wanted.has_forces() {
             axes.each::<3>(|point, part| rows.add_gradient(point, part));
         }

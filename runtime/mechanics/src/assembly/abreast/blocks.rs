@@ -101,7 +101,7 @@ impl WithSimd for BlockSweep<'_, '_> {
         let BlockSweep { of, edges, laws, neighborhood, owners, axes, room, rows } = self;
         let AbreastRoom { groups, bonds, first: first_of, members, .. } = room;
         let mut walk = Walk::new(of, axes.slab, owners, groups);
-        while let Some((group, is_whole)) = walk.next(simd, axes, bonds, first_of) {
+        while let Some((group, is_whole)) = walk.next::<S, 3, false>(simd, axes, bonds, first_of) {
             members.clear();
             let nothing = Member { own: [[0.0; WIDEST]; 6], column: [[0.0; WIDEST]; 9] };
             members.resize(bonds.len(), nothing);

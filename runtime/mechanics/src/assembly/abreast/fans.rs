@@ -119,7 +119,7 @@ impl<const D: usize, const WAY: u8> WithSimd for FansByWay<'_, '_, D, WAY> {
             bonds.iter().for_each(|bond| first_of[bond.vector as usize] = NONE);
             bonds.clear();
             let bundles = fans.directed.of_group(group);
-            group_of.gather(simd, (bundles, vectors), axes, bonds, first_of);
+            group_of.gather::<S, D, false>(simd, (bundles, vectors), axes, bonds, first_of);
             room.provide(bonds.len());
             let is_even = of.shares.is_none() && of.parts.is_none();
             let is_whole = is_even && bundles.iter().all(|bundle| bundle.owners == u8::MAX);

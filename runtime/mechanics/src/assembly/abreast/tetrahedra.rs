@@ -203,7 +203,7 @@ impl Table<'_> {
 
 impl Cliques<3> for &TetrahedronRuns {
     #[inline(always)]
-    fn add<S: Simd, const MASKED: bool>(
+    fn add<S: Simd, const MASKED: bool, const PRODUCT: bool>(
         &self,
         at: Register<'_, S>,
         bonds: &mut [Beside<3>],
@@ -222,6 +222,7 @@ impl Cliques<3> for &TetrahedronRuns {
                 rest: each(|axis| at.splat(vectors[vector][axis])),
                 eta: at.load_all(&bond.eta),
                 now: at.load_all(&bond.now),
+                way: if PRODUCT { at.load_all(&bond.way) } else { [at.splat(0.0); 3] },
                 square: at.splat(THIN * THIN) * at.load(&bond.square),
                 force: at.load_all(&bond.force),
                 shares: at.own_share::<MASKED>().with::<MASKED, 3>(at, bond),
@@ -232,10 +233,11 @@ impl Cliques<3> for &TetrahedronRuns {
                     let place = other as usize;
                     other = bonds[place].next;
                     if !MASKED || bonds[place].owners & owners != 0 {
-                        let pair = first.with::<MASKED>(at, &bonds[place], base);
+                        let pair = first.with::<MASKED, PRODUCT>(at, &bonds[place], base);
                         let on_pair = (&mut *bonds, first_of);
-                        let sum = self.on_pair::<S, MASKED>(at, &pair, base, on_pair, out);
-                        first.pull(at, &mut bonds[place], &sum);
+                        let sums =
+                            self.on_pair::<S, MASKED, PRODUCT>(at, &pair, base, on_pair, out);
+                        first.pull::<PRODUCT>(at, &mut bonds[place], &sums);
                     }
                 }
             }
@@ -253,6 +255,7 @@ struct First<S: Simd> {
     rest: [Lanes<S>; 3],
     eta: [Lanes<S>; 3],
     now: [Lanes<S>; 3],
+    way: [Lanes<S>; 3],
     /// The square, by as much as volumes may be less.
     square: Lanes<S>,
     force: [Lanes<S>; 3],
@@ -263,27 +266,55 @@ struct First<S: Simd> {
 impl<S: Simd> First<S> {
     /// It and a second bond.
     #[inline(always)]
-    fn with<const MASKED: bool>(
+    fn with<const MASKED: bool, const PRODUCT: bool>(
         &self,
         at: Register<'_, S>,
         second: &Beside<3>,
         base: &Edge,
     ) -> Pair<S> {
-        let there = (&at.load_all(&second.eta), &at.load_all(&second.now));
-        let grown = growth(&self.rest, &self.eta, there);
+        let now = at.load_all(&second.now);
+        let grown = growth(&self.rest, &self.eta, (&at.load_all(&second.eta), &now));
+        let turn = match PRODUCT {
+            true => growth(&self.now, &self.way, (&at.load_all(&second.way), &now)),
+            false => [at.splat(0.0); 3],
+        };
         Pair {
             owners: self.owners & second.owners,
             normal: each(|axis| at.splat(base.normal[axis]) + grown[axis]),
             grown,
+            turn,
             square: self.square * at.load(&second.square),
             shares: self.shares.with::<MASKED, 3>(at, second),
         }
     }
 
-    /// Adds the forces on the ends of both, from the sum over third bonds.
+    /// Adds the forces on the ends of both, from the sums over third bonds; or what the direction changes them by.
     #[inline(always)]
-    fn pull(&mut self, at: Register<'_, S>, second: &mut Beside<3>, sum: &[Lanes<S>; 3]) {
-        let (p, q) = (cross(&at.load_all(&second.now), sum), cross(sum, &self.now));
+    fn pull<const PRODUCT: bool>(
+        &mut self,
+        at: Register<'_, S>,
+        second: &mut Beside<3>,
+        sums: &Sums<S>,
+    ) {
+        let now = at.load_all(&second.now);
+        let last = if PRODUCT { &sums.change } else { &sums.sum };
+        let (p, q) = (cross(&now, last), cross(last, &self.now));
+        self.take(at, second, (&p, &q));
+        if PRODUCT {
+            let way = at.load_all(&second.way);
+            let (p, q) = (cross(&way, &sums.sum), cross(&sums.sum, &self.way));
+            self.take(at, second, (&p, &q));
+        }
+    }
+
+    /// Adds to the forces on the ends of both.
+    #[inline(always)]
+    fn take(
+        &mut self,
+        at: Register<'_, S>,
+        second: &mut Beside<3>,
+        (p, q): (&[Lanes<S>; 3], &[Lanes<S>; 3]),
+    ) {
         for axis in 0..3 {
             self.force[axis] = self.force[axis] + p[axis];
             let force = &mut second.force[axis];
@@ -299,26 +330,35 @@ struct Pair<S: Simd> {
     /// Their cross product, and how much it has grown.
     normal: [Lanes<S>; 3],
     grown: [Lanes<S>; 3],
+    /// What the direction of a product changes the cross product by.
+    turn: [Lanes<S>; 3],
     /// The product of their squares, by as much as volumes may be less.
     square: Lanes<S>,
     /// Of the owner and of both ends.
     shares: CornerShares<S>,
 }
 
+/// Sums over the tetrahedra on a pair of bonds: of the third bonds times the derivatives, and what the direction of a
+/// product changes that by.
+struct Sums<S: Simd> {
+    sum: [Lanes<S>; 3],
+    change: [Lanes<S>; 3],
+}
+
 impl TetrahedronRuns {
-    /// The tetrahedra on a pair of bonds; the sum of the third bonds times the derivatives.
+    /// The tetrahedra on a pair of bonds.
     #[inline(always)]
-    fn on_pair<S: Simd, const MASKED: bool>(
+    fn on_pair<S: Simd, const MASKED: bool, const PRODUCT: bool>(
         &self,
         at: Register<'_, S>,
         pair: &Pair<S>,
         base: &Edge,
         (bonds, first_of): (&mut [Beside<3>], &[u32]),
         out: &mut Added<'_, S>,
-    ) -> [Lanes<S>; 3] {
+    ) -> Sums<S> {
         let (zero, nothing) = (at.splat(0.0), at.splat(f64::NAN));
         let at_rest: [Lanes<S>; 3] = each(|axis| at.splat(base.normal[axis]));
-        let mut sum = [zero; 3];
+        let mut sums = Sums { sum: [zero; 3], change: [zero; 3] };
         for third in &self.thirds[base.thirds.clone()] {
             let law = Quadratics::new(at.simd, &self.laws[third.law as usize]);
             let mut other = first_of[third.vector as usize];
@@ -330,7 +370,7 @@ impl TetrahedronRuns {
                 }
                 let now = at.load_all(&bond.now);
                 let grown = dot(&pair.grown, &now) + dot(&at_rest, &at.load_all(&bond.eta));
-                let changed = law.changed::<SIGNED, false>(zero, grown);
+                let changed = law.changed::<SIGNED, PRODUCT>(zero, grown);
                 let shares = pair.shares.with::<MASKED, 3>(at, bond);
                 let volume = law.reference + grown;
                 let mut thin = pair.square * at.load(&bond.square);
@@ -342,11 +382,22 @@ impl TetrahedronRuns {
                 if out.has_forces {
                     let first = weighed(changed.first, weight);
                     out.refused = out.refused + first.zero_or_nan();
+                    let mut part: [Lanes<S>; 3] = each(|axis| first * pair.normal[axis]);
+                    if PRODUCT {
+                        let way = at.load_all(&bond.way);
+                        let along = dot(&pair.turn, &now) + dot(&pair.normal, &way);
+                        let bent = weighed(changed.second, weight) * along;
+                        out.refused = out.refused + bent.zero_or_nan();
+                        part = each(|axis| bent * pair.normal[axis] + first * pair.turn[axis]);
+                        for axis in 0..3 {
+                            let change = bent * now[axis] + first * way[axis];
+                            sums.change[axis] = sums.change[axis] + change;
+                        }
+                    }
                     for axis in 0..3 {
-                        sum[axis] = sum[axis] + first * now[axis];
+                        sums.sum[axis] = sums.sum[axis] + first * now[axis];
                         let force = &mut bond.force[axis];
-                        let part = first * pair.normal[axis];
-                        (at.load(force) + part).store(force, at.number);
+                        (at.load(force) + part[axis]).store(force, at.number);
                     }
                 }
                 if let Some(sum) = &mut out.sum {
@@ -356,6 +407,6 @@ impl TetrahedronRuns {
                 }
             }
         }
-        sum
+        sums
     }
 }

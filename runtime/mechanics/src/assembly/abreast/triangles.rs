@@ -227,7 +227,7 @@ struct ByWay<'a, const WAY: u8>(&'a TriangleRuns);
 
 impl<const D: usize, const WAY: u8> Cliques<D> for ByWay<'_, WAY> {
     #[inline(always)]
-    fn add<S: Simd, const MASKED: bool>(
+    fn add<S: Simd, const MASKED: bool, const PRODUCT: bool>(
         &self,
         at: Register<'_, S>,
         bonds: &mut [Beside<D>],
@@ -248,6 +248,7 @@ impl<const D: usize, const WAY: u8> Cliques<D> for ByWay<'_, WAY> {
                 eta: at.load_all(&bond.eta),
                 now: at.load_all(&bond.now),
                 square: at.load(&bond.square),
+                way: if PRODUCT { at.load_all(&bond.way) } else { [at.splat(0.0); D] },
                 force: at.load_all(&bond.force),
                 shares: at.own_share::<MASKED>().with::<MASKED, D>(at, bond),
             };
@@ -256,7 +257,7 @@ impl<const D: usize, const WAY: u8> Cliques<D> for ByWay<'_, WAY> {
                 while other != NONE {
                     let second = &mut bonds[other as usize];
                     if !MASKED || second.owners & owners != 0 {
-                        first.with::<WAY, MASKED>(at, second, pair, out);
+                        first.with::<WAY, MASKED, PRODUCT>(at, second, pair, out);
                     }
                     other = second.next;
                 }
@@ -274,6 +275,7 @@ struct First<S: Simd, const D: usize> {
     eta: [Lanes<S>; D],
     now: [Lanes<S>; D],
     square: Lanes<S>,
+    way: [Lanes<S>; D],
     force: [Lanes<S>; D],
     /// Of the owner and of the other end.
     shares: CornerShares<S>,
@@ -282,7 +284,7 @@ struct First<S: Simd, const D: usize> {
 impl<S: Simd, const D: usize> First<S, D> {
     /// The triangles with a second bond.
     #[inline(always)]
-    fn with<const WAY: u8, const MASKED: bool>(
+    fn with<const WAY: u8, const MASKED: bool, const PRODUCT: bool>(
         &mut self,
         at: Register<'_, S>,
         second: &mut Beside<D>,
@@ -301,7 +303,7 @@ impl<S: Simd, const D: usize> First<S, D> {
             dot(&grown, &each::<_, 3>(|axis| normal[axis] + at_rest[axis]))
         };
         let law = Quadratics::new(at.simd, &pair.law);
-        let changed: Changed<S> = law.changed::<WAY, false>(square, by);
+        let changed: Changed<S> = law.changed::<WAY, PRODUCT>(square, by);
         let shares = self.shares.with::<MASKED, D>(at, second);
         let weight = shares.weight();
         let first = weighed(changed.first, weight);
@@ -316,7 +318,23 @@ impl<S: Simd, const D: usize> First<S, D> {
             out.refused = out.refused + first.zero_or_nan();
             let scaled: [Lanes<S>; 3] =
                 if is_signed { [first, zero, zero] } else { each(|axis| first * normal[axis]) };
-            let (p, q) = (turned(&now, &scaled), turned(&self.now, &scaled));
+            let (mut p, mut q) = (turned(&now, &scaled), turned(&self.now, &scaled));
+            if PRODUCT {
+                // What a direction changes `now x scaled` by, on both sides.
+                let way = at.load_all(&second.way);
+                let turn = growth(&self.now, &self.way, (&way, &now));
+                let along = if is_signed { turn[0] } else { dot(&normal, &turn) };
+                let bent = weighed(changed.second, weight) * along;
+                out.refused = out.refused + bent.zero_or_nan();
+                let change: [Lanes<S>; 3] = if is_signed {
+                    [bent, zero, zero]
+                } else {
+                    each(|axis| first * turn[axis] + bent * normal[axis])
+                };
+                (p, q) = (turned(&way, &scaled), turned(&self.way, &scaled));
+                let (r, s) = (turned(&now, &change), turned(&self.now, &change));
+                (p, q) = (each(|axis| p[axis] + r[axis]), each(|axis| q[axis] + s[axis]));
+            }
             self.force = each(|axis| self.force[axis] + p[axis]);
             for axis in 0..D {
                 let force = &mut second.force[axis];

@@ -5,7 +5,7 @@
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-use pulp::Simd;
+use pulp::{Simd, WithSimd};
 
 use super::Scalar;
 use crate::element::WIDEST;
@@ -13,6 +13,19 @@ use crate::element::WIDEST;
 /// As many ones as one likes and then zeros, from so many places before the middle on.
 const ONES_AND_ZEROS: [f64; 2 * WIDEST] =
     [1., 1., 1., 1., 1., 1., 1., 1., 0., 0., 0., 0., 0., 0., 0., 0.];
+
+/// A loop that is compiled for the registers of the machine, to be dispatched. A closure that is dispatched itself, and
+/// takes nothing with it, is called by `FnOnce::call_once`: a function of its own, which knows nothing of these.
+pub(crate) struct InRegisters<F>(pub(crate) F);
+
+impl<R, F: FnMut() -> R> WithSimd for InRegisters<F> {
+    type Output = R;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(mut self, _: S) -> R {
+        (self.0)()
+    }
+}
 
 /// One number of each of `S::F64_LANES` interactions.
 #[derive(Clone, Copy, Debug)]

@@ -8,24 +8,27 @@ use crate::vector::are_finite;
 /// Deformation gradients evaluated at once.
 pub(super) const CAPACITY: usize = 128;
 
-/// Components of all tensors of a batch.
-type Components = [f64; 9 * CAPACITY];
+/// A number of each tensor of a whole batch.
+pub(super) type Column = [f64; CAPACITY];
+
+/// Components of all tensors of a batch: of a whole one a column each, row by row.
+pub(super) type Columns = [Column; 9];
 
 /// Arrays of a batch: component by component, as laws take them. They fit on a thread's stack.
 pub(super) struct LawBatch<const D: usize> {
     n: usize,
     /// What the law takes of fields.
     given: Vec<f64>,
-    current: Components,
-    change: Components,
-    direction: Components,
-    psi: [f64; CAPACITY],
-    out: Components,
+    current: Columns,
+    change: Columns,
+    direction: Columns,
+    psi: Column,
+    out: Columns,
 }
 
 impl<const D: usize> LawBatch<D> {
     pub(super) fn new() -> LawBatch<D> {
-        let zero = [0.0; 9 * CAPACITY];
+        let zero = [[0.0; CAPACITY]; 9];
         LawBatch {
             n: 0,
             given: Vec::new(),
@@ -46,16 +49,26 @@ impl<const D: usize> LawBatch<D> {
         with_stress: bool,
     ) -> Result<(), usize> {
         self.take(h);
+        self.evaluate_taken((law, laws), places, with_stress)
+    }
+
+    /// The same at what was taken.
+    pub(super) fn evaluate_taken(
+        &mut self,
+        (law, laws): (LawOfPoints<'_>, &[u8]),
+        places: impl Fn(usize) -> Place,
+        with_stress: bool,
+    ) -> Result<(), usize> {
         law.give(self.n, places, &mut self.given);
         let size = D * D * self.n;
         let at = Variables {
             n: self.n,
-            current: &self.current[..size],
-            change: &self.change[..size],
+            current: &self.current.as_flattened()[..size],
+            change: &self.change.as_flattened()[..size],
             given: &self.given,
             laws,
         };
-        let out = &mut self.out[..if with_stress { size } else { 0 }];
+        let out = &mut self.out.as_flattened_mut()[..if with_stress { size } else { 0 }];
         law.law.evaluate(at, &mut self.psi[..self.n], out);
         self.check(with_stress, true)
     }
@@ -68,21 +81,32 @@ impl<const D: usize> LawBatch<D> {
         directions: &[Tensor<D>],
     ) -> Result<(), usize> {
         self.take(h);
-        law.give(self.n, places, &mut self.given);
-        let (n, size) = (self.n, D * D * self.n);
+        let (n, all) = (self.n, self.direction.as_flattened_mut());
         for (lane, direction) in directions.iter().enumerate() {
             for (k, x) in direction.as_flattened().iter().enumerate() {
-                self.direction[k * n + lane] = *x;
+                all[k * n + lane] = *x;
             }
         }
+        self.multiply_taken((law, laws), places)
+    }
+
+    /// The same of what was taken.
+    pub(super) fn multiply_taken(
+        &mut self,
+        (law, laws): (LawOfPoints<'_>, &[u8]),
+        places: impl Fn(usize) -> Place,
+    ) -> Result<(), usize> {
+        law.give(self.n, places, &mut self.given);
+        let size = D * D * self.n;
         let at = Variables {
-            n,
-            current: &self.current[..size],
-            change: &self.change[..size],
+            n: self.n,
+            current: &self.current.as_flattened()[..size],
+            change: &self.change.as_flattened()[..size],
             given: &self.given,
             laws,
         };
-        law.law.product(at, &self.direction[..size], &mut self.out[..size]);
+        let out = &mut self.out.as_flattened_mut()[..size];
+        law.law.product(at, &self.direction.as_flattened()[..size], out);
         self.check(true, false)
     }
 
@@ -102,7 +126,7 @@ impl<const D: usize> LawBatch<D> {
         let places = (|_| place, &lanes[..D * D]);
         self.multiply((law, &[number; 9][..D * D]), places, &directions[..D * D])
             .map_err(|_| determinant(h))?;
-        Ok(&self.out[..D * D * D * D])
+        Ok(&self.out.as_flattened()[..D * D * D * D])
     }
 
     fn take(&mut self, h: &[Tensor<D>]) {
@@ -111,22 +135,48 @@ impl<const D: usize> LawBatch<D> {
             for r in 0..D {
                 for c in 0..D {
                     let place = (r * D + c) * self.n + lane;
-                    self.change[place] = h[r][c];
-                    self.current[place] = if r == c { 1.0 + h[r][c] } else { h[r][c] };
+                    self.change.as_flattened_mut()[place] = h[r][c];
+                    let current = if r == c { 1.0 + h[r][c] } else { h[r][c] };
+                    self.current.as_flattened_mut()[place] = current;
                 }
             }
         }
     }
 
+    /// The displacement gradients and directions of a whole batch, to be written.
+    #[inline(always)]
+    pub(super) fn whole(&mut self) -> [&mut Columns; 2] {
+        self.n = CAPACITY;
+        [&mut self.change, &mut self.direction]
+    }
+
+    /// Takes what was written as displacement gradients.
+    #[inline(always)]
+    pub(super) fn take_whole(&mut self) {
+        for k in 0..D * D {
+            self.current[k] = self.change[k];
+            if k % (D + 1) == 0 {
+                self.current[k].iter_mut().for_each(|x| *x += 1.0);
+            }
+        }
+    }
+
+    /// The stresses, or products, of a whole batch.
+    #[inline(always)]
+    pub(super) fn out(&mut self) -> &mut Columns {
+        &mut self.out
+    }
+
     fn check(&self, with_out: bool, with_psi: bool) -> Result<(), usize> {
         let size = if with_out { D * D * self.n } else { 0 };
         let psi = &self.psi[..if with_psi { self.n } else { 0 }];
-        if are_finite(psi) && are_finite(&self.out[..size]) {
+        let out = &self.out.as_flattened()[..size];
+        if are_finite(psi) && are_finite(out) {
             return Ok(());
         }
         let bad = |lane: &usize| {
             psi.get(*lane).is_some_and(|x| !x.is_finite())
-                || (0..size / self.n).any(|k| !self.out[k * self.n + lane].is_finite())
+                || (0..size / self.n).any(|k| !out[k * self.n + lane].is_finite())
         };
         Err((0..self.n).find(bad).unwrap_or(0))
     }
@@ -139,7 +189,18 @@ impl<const D: usize> LawBatch<D> {
     /// The stress, or the product, of a lane.
     #[inline(always)]
     pub(super) fn tensor(&self, lane: usize) -> Tensor<D> {
-        std::array::from_fn(|r| std::array::from_fn(|c| self.out[(r * D + c) * self.n + lane]))
+        self.lane(&self.out, lane)
+    }
+
+    /// The displacement gradient of a lane.
+    pub(super) fn gradient(&self, lane: usize) -> Tensor<D> {
+        self.lane(&self.change, lane)
+    }
+
+    #[inline(always)]
+    fn lane(&self, of: &Columns, lane: usize) -> Tensor<D> {
+        let all = of.as_flattened();
+        std::array::from_fn(|r| std::array::from_fn(|c| all[(r * D + c) * self.n + lane]))
     }
 }
 

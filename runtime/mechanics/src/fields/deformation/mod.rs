@@ -23,6 +23,7 @@
 
 mod batch;
 mod broken;
+mod columns;
 mod elastic;
 mod error;
 mod functions;

@@ -17,6 +17,7 @@ use super::moments::{self, OperatorOrder};
 use super::rows::AlongRows;
 use crate::body::Body;
 use crate::fields::stored::Tensor;
+use crate::geometry::lanes::InRegisters;
 use crate::neighborhood::{Gaps, Neighborhood};
 
 /// Points per task; fixed, so that results do not depend on threads.
@@ -336,7 +337,7 @@ impl GradientOperator {
             return;
         }
         h.par_chunks_mut(POINTS).enumerate().for_each(|(chunk, h)| {
-            arch.dispatch(
+            arch.dispatch(InRegisters(
                 #[inline(always)]
                 || {
                     for (k, h) in h.iter_mut().enumerate() {
@@ -348,7 +349,7 @@ impl GradientOperator {
                         };
                     }
                 },
-            );
+            ));
         });
     }
 
@@ -448,7 +449,7 @@ impl GradientOperator {
         points.enumerate().with_min_len(POINTS).for_each(turn);
         let (arch, columns) = (Arch::new(), &room[..]);
         forces.par_chunks_mut(POINTS).enumerate().for_each(|(chunk, forces)| {
-            arch.dispatch(
+            arch.dispatch(InRegisters(
                 #[inline(always)]
                 || {
                     for (k, force) in forces.iter_mut().enumerate() {
@@ -458,7 +459,7 @@ impl GradientOperator {
                         }
                     }
                 },
-            );
+            ));
         });
     }
 

@@ -12,12 +12,14 @@ use pulp::Arch;
 use rayon::prelude::*;
 
 use super::batch::{CAPACITY, LawBatch, determinant};
+use super::columns::BondColumns;
 use super::operator::GradientOperator;
 use super::stabilisation::sum_of;
 use super::sweep::{Failure, Fields, Pass, TouchedDuals, turned};
 use crate::assembly::sum::Sum;
 use crate::body::Body;
 use crate::fields::stored::Tensor;
+use crate::geometry::lanes::InRegisters;
 use crate::interaction::Slabs;
 use crate::materials::{LawOfPoints, Place};
 use crate::neighborhood::{Gaps, Neighborhood};
@@ -35,13 +37,13 @@ pub(super) struct BondQuadrature {
 /// A bond with its deformation gradient.
 #[derive(Clone, Copy)]
 pub(super) struct Bond<const D: usize> {
-    points: [usize; 2],
+    pub(super) points: [usize; 2],
     /// Among the bonds of the whole families, where bonds remember something.
     number: usize,
     /// `X_j - X_i`.
-    dx: [f64; D],
+    pub(super) dx: [f64; D],
     /// `dX/L^2`.
-    along: [f64; D],
+    pub(super) along: [f64; D],
 }
 
 impl<const D: usize> Bond<D> {
@@ -81,26 +83,6 @@ impl<const D: usize> Bond<D> {
         for end in duals.stress.pair(i, j) {
             let all = end.as_flattened_mut().iter_mut().zip(stress.as_flattened());
             all.for_each(|(sum, x)| *sum += 0.5 * weight * x);
-        }
-    }
-
-    /// Adds the transpose.
-    #[inline(always)]
-    fn scatter(&self, stress: &Tensor<D>, weight: f64, duals: &mut TouchedDuals<'_, D>) {
-        let [i, j] = self.points;
-        let ([stress_i, stress_j], [force_i, force_j]) =
-            (duals.stress.pair(i, j), duals.force.pair(i, j));
-        for r in 0..D {
-            let mut row = stress[r];
-            row.iter_mut().for_each(|x| *x *= weight);
-            let pull = (0..D).fold(0.0, |sum, c| sum + row[c] * self.along[c]);
-            force_j[r] += pull;
-            force_i[r] -= pull;
-            for c in 0..D {
-                let half = 0.5 * (row[c] - pull * self.dx[c]);
-                stress_i[r][c] += half;
-                stress_j[r][c] += half;
-            }
         }
     }
 }
@@ -295,8 +277,7 @@ impl BondQuadrature {
             bonds: [nothing; CAPACITY],
             weights: [0.0; CAPACITY],
             laws: [0; CAPACITY],
-            h: [[[0.0; D]; D]; CAPACITY],
-            directions: [[[0.0; D]; D]; CAPACITY],
+            columns: BondColumns::new(),
             batch: LawBatch::new(),
             sum: Sum::default(),
             arch,
@@ -351,8 +332,7 @@ struct Run<'a, const D: usize> {
     weights: [f64; CAPACITY],
     /// The numbers of the laws of the bonds.
     laws: [u8; CAPACITY],
-    h: [Tensor<D>; CAPACITY],
-    directions: [Tensor<D>; CAPACITY],
+    columns: BondColumns<D>,
     batch: LawBatch<D>,
     sum: Sum,
     arch: Arch,
@@ -375,52 +355,53 @@ impl<const D: usize> Run<'_, D> {
         if n == 0 {
             return Ok(());
         }
-        let (arch, bonds, weights) = (self.arch, &self.bonds[..n], &self.weights[..n]);
-        let (h, directions) = (&mut self.h[..n], &mut self.directions[..n]);
-        arch.dispatch(
+        // What is left of a batch is filled with one of its bonds, without weight.
+        let (bond, law) = (self.bonds[0], self.laws[0]);
+        self.bonds[n..].fill(bond);
+        self.weights[n..].fill(0.0);
+        self.laws[n..].fill(law);
+        let (arch, bonds, weights) = (self.arch, &self.bonds, &self.weights);
+        let (columns, batch) = (&mut self.columns, &mut self.batch);
+        arch.dispatch(InRegisters(
             #[inline(always)]
             || {
-                // Loops, not iterators over closures, which would not be compiled for these registers.
-                for (h, bond) in h.iter_mut().zip(bonds) {
-                    *h = bond.gradient(self.fields);
-                }
+                columns.set(bonds);
+                let [h, directions] = batch.whole();
+                columns.gradients(bonds, self.fields, h);
                 if let Pass::Product(direction) = self.pass {
-                    for (h, bond) in directions.iter_mut().zip(bonds) {
-                        *h = bond.gradient(direction);
-                    }
+                    columns.gradients(bonds, direction, directions);
                 }
+                batch.take_whole();
             },
-        );
-        let laws = if self.law.materials.is_some() { &self.laws[..n] } else { &[] };
-        let law = (self.law, laws);
-        let places = (|lane: usize| bonds[lane].place(), &*h);
+        ));
+        let laws = if self.law.materials.is_some() { &self.laws[..] } else { &[] };
+        let (law, place) = ((self.law, laws), |lane: usize| bonds[lane].place());
         let done = match self.pass {
-            Pass::Energy => self.batch.evaluate(law, places, false),
-            Pass::Gradient | Pass::Virial => self.batch.evaluate(law, places, true),
-            Pass::Product(_) => self.batch.multiply(law, places, directions),
+            Pass::Energy => batch.evaluate_taken(law, place, false),
+            Pass::Gradient | Pass::Virial => batch.evaluate_taken(law, place, true),
+            Pass::Product(_) => batch.multiply_taken(law, place),
         };
         done.map_err(|lane| Failure {
             points: bonds[lane].points.to_vec(),
-            determinant: determinant(&h[lane]),
+            determinant: determinant(&batch.gradient(lane)),
         })?;
         if !matches!(self.pass, Pass::Product(_)) {
-            self.sum.join(&Sum::of_products(self.batch.psi(), weights));
+            self.sum.join(&Sum::of_products(&batch.psi()[..n], &weights[..n]));
         }
-        let (duals, batch) = (&mut self.duals, &self.batch);
-        let lanes = || bonds.iter().zip(weights).enumerate();
+        let duals = &mut self.duals;
+        let lanes = || bonds[..n].iter().zip(weights).enumerate();
         if matches!(self.pass, Pass::Virial) {
             lanes().for_each(|(lane, (bond, weight))| {
                 bond.share_virial(&batch.tensor(lane), *weight, duals);
             });
         } else if !duals.stress.is_empty() {
-            arch.dispatch(
+            arch.dispatch(InRegisters(
                 #[inline(always)]
                 || {
-                    for (lane, (bond, weight)) in lanes() {
-                        bond.scatter(&batch.tensor(lane), *weight, duals);
-                    }
+                    columns.pull(weights, batch.out());
+                    columns.scatter(&bonds[..n], batch.out(), duals);
                 },
-            );
+            ));
         }
         if !duals.shares.is_empty() {
             for (lane, (bond, weight)) in lanes() {

@@ -13,6 +13,7 @@ use super::StateEnergy;
 use crate::energy::NonFinite;
 use crate::geometry::Geometry;
 use crate::geometry::bond::Bond;
+use crate::geometry::lanes::InRegisters;
 use crate::interaction::schedule::{Layout, Part, Touched, visit};
 use crate::kernel::{Batch, Order, Outputs, Variables};
 use crate::materials::Materials;
@@ -184,7 +185,7 @@ impl StateEnergy {
             let is_normal_wanted = !normal.is_empty();
             let normal =
                 if is_normal_wanted { &mut normal[own.clone()] } else { &mut normal[0..0] };
-            arch.dispatch(
+            arch.dispatch(InRegisters(
                 #[inline(always)]
                 || {
                     for (b, &[i, j]) in ends.iter().enumerate() {
@@ -201,7 +202,7 @@ impl StateEnergy {
                         }
                     }
                 },
-            );
+            ));
             unused.iter_mut().for_each(|array| array.resize(own.len(), 0.0));
             for (place, &k) in self.changing.iter().enumerate() {
                 let law = &self.laws.integrals[k];

@@ -7,6 +7,7 @@
 //! | [`number`] | what a number type must offer so that a graph can be evaluated over it |
 //! | [`interpret`] | evaluation over any such type |
 //! | [`precise`] | numbers of any precision with two derivatives |
+//! | `random_rounding` | doubles whose operations round at random |
 //! | [`power`] | one plan for `x^c`, followed by interpreter and machine code alike |
 
 pub mod function;
@@ -15,6 +16,7 @@ pub mod interpret;
 pub mod number;
 pub mod power;
 pub mod precise;
+pub(crate) mod random_rounding;
 pub(crate) mod real;
 
 pub use function::{Comparison, Function, Operator};

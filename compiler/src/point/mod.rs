@@ -32,6 +32,7 @@ mod turned;
 pub use functions::{GradientCriterion, GradientFunction, GradientFunctionKind, GradientNextState};
 pub use invariants::INVARIANTS;
 pub use kernel::{GradientBatch, GradientKernel, NEAR, WrittenGradientEnergy, gradient_listing};
+pub(crate) use principal::witness::Principal;
 
 use adjoint::Varied;
 pub(crate) use principal::axes;

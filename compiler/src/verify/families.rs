@@ -2,12 +2,17 @@
 //! states against numbers of any precision.
 //!
 //! A next state may be off by 64 roundings of itself, and by what it changes by when one of its inputs is rounded
-//! in the last place of their norm. What no double holds has no digits to lose: such places tell nothing.
+//! in the last place of their norm. What is off by more is wrong where the next state as written keeps its digits in
+//! doubles that are rounded at random (`next_state`). What no double holds has no digits to lose: such places tell
+//! nothing.
 
 use super::gathered::{self, Place};
 use super::sample::Random;
 use super::vectors::{self, Places, Seen};
-use super::{Miss, Subject, UNIT_ROUNDOFF, Verification, Witness, gradient};
+use super::{Miss, Subject, UNIT_ROUNDOFF, Verification, Witness, gradient, next_state};
+use crate::expression::Operator;
+use crate::expression::number::Number;
+use crate::expression::random_rounding::RandomlyRounded;
 use crate::gathered::{
     FamilyKernel, GatheredBatch, GatheredNextState, VectorKernels, WrittenFamily,
     WrittenGatheredEnergy,
@@ -168,9 +173,11 @@ struct PointOfVectors<'a> {
 }
 
 /// A place at which a function as written is known to many digits.
-trait Known<W> {
+pub(super) trait Known<W> {
     /// What is true there, where it is a number.
     fn truth(&self, written: &W) -> Option<f64>;
+    /// What is written in doubles that are rounded at random.
+    fn rounded(&self, written: &W, seed: u64) -> f64;
     /// What is given there.
     fn given(&self) -> &[f64];
     /// The same where other numbers are given.
@@ -180,6 +187,17 @@ trait Known<W> {
 impl Known<WrittenGradientEnergy> for Sample {
     fn truth(&self, written: &WrittenGradientEnergy) -> Option<f64> {
         super::gradient_margin::truth(written, self)
+    }
+
+    fn rounded(&self, written: &WrittenGradientEnergy, seed: u64) -> f64 {
+        let sum = |given, rest| {
+            let given = RandomlyRounded::given(given, seed);
+            match rest == 0.0 {
+                true => given,
+                false => RandomlyRounded::binary(Operator::Add, given, Number::constant(rest)),
+            }
+        };
+        super::gradient_margin::value(written, self, sum).value()
     }
 
     fn given(&self) -> &[f64] {
@@ -194,6 +212,11 @@ impl Known<WrittenGradientEnergy> for Sample {
 impl Known<WrittenGatheredEnergy> for Place {
     fn truth(&self, written: &WrittenGatheredEnergy) -> Option<f64> {
         super::gathered_margin::truth(written, self)
+    }
+
+    fn rounded(&self, written: &WrittenGatheredEnergy, seed: u64) -> f64 {
+        let given = |value| RandomlyRounded::given(value, seed);
+        written.psi(|k| given(self.variables[k]), given(self.reference)).value()
     }
 
     fn given(&self) -> &[f64] {
@@ -211,6 +234,11 @@ impl Known<WrittenFamily> for PointOfVectors<'_> {
         Seen { written, kernel: self.kernel, places: &places }.value(0)
     }
 
+    fn rounded(&self, written: &WrittenFamily, seed: u64) -> f64 {
+        let places = Places::new(vec![self.place.clone()], self.of);
+        Seen { written, kernel: self.kernel, places: &places }.rounded(0, seed)
+    }
+
     fn given(&self) -> &[f64] {
         &self.given
     }
@@ -220,7 +248,7 @@ impl Known<WrittenFamily> for PointOfVectors<'_> {
     }
 }
 
-fn compare<W, P: Known<W>>(
+pub(super) fn compare<W, P: Known<W>>(
     found: &mut Verification,
     [strict, fast, interpreted]: [Vec<f64>; 3],
     places: &[P],
@@ -238,7 +266,7 @@ fn compare<W, P: Known<W>>(
                 compiled: vec![value],
                 expected: vec![truth],
                 tolerance: bar * unit,
-                is_wrong: Miss::is_far_off(value, truth),
+                is_wrong: next_state::is_wrong(value, truth, |seed| place.rounded(written, seed)),
             });
         }
     }

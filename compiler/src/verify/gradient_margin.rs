@@ -7,6 +7,7 @@ use crate::expression::precise::Precise;
 use crate::kernel::{Level, Mode};
 use crate::measure::Argument;
 use crate::model::Model;
+use crate::point::Principal;
 use crate::point::sample::{self, Sample};
 use crate::point::truth::norm;
 use crate::point::{GradientCriterion, WrittenGradientEnergy};
@@ -59,14 +60,23 @@ fn judge(
 
 /// A margin, or another function, as written to many digits, where it is a number.
 pub(super) fn truth(written: &WrittenGradientEnergy, sample: &Sample) -> Option<f64> {
+    let margin = value(written, sample, |given, rest| Precise::<256>::line(given, 0.0, rest));
+    margin.parts().map(|_| margin.rounded()[0])
+}
+
+/// The same over any number type, from what is given of each component and from what that is added to.
+pub(super) fn value<N: Principal>(
+    written: &WrittenGradientEnergy,
+    sample: &Sample,
+    sum: impl Fn(f64, f64) -> N,
+) -> N {
     let (given, near) = (sample.given(), sample.is_near());
     let components = graph::components(dimension(given.len()));
-    let margin: Precise<256> = written.psi(|c| {
+    written.psi(|c| {
         let j = components.iter().position(|known| *known == c).unwrap_or(0);
         let rest = if near { f64::from(u8::from(c % 4 == 0)) } else { 0.0 };
-        Precise::line(given[j], 0.0, rest)
-    });
-    margin.parts().map(|_| margin.rounded()[0])
+        sum(given[j], rest)
+    })
 }
 
 /// Gradients around the threshold on the line between two, with how far they are from it in units in the last

@@ -13,6 +13,7 @@
 //! | `vectors` | what points gather of vectors, and energies of it |
 //! | `margin`, `gradient_margin`, `gathered_margin`, `vector_margin` | conditions under which bonds break (`threshold`) |
 //! | `remember` | what interactions remember, and all of the above with it |
+//! | `next_state` | which next states are wrong |
 //! | `dissipation` | what bonds dissipate |
 //! | `consistent` | energies of measures at what interactions come to remember, with the tangent of load steps |
 //! | `coupled` | energies of several measures of one interaction |
@@ -31,6 +32,7 @@ mod gradient;
 mod gradient_margin;
 mod margin;
 mod measure;
+mod next_state;
 pub(crate) mod remember;
 pub mod sample;
 pub(crate) mod stated;
@@ -177,8 +179,7 @@ impl Miss {
         compiled.is_finite() && compiled > WRONG && NEARER * dual < compiled
     }
 
-    /// The same of a value that hyper-dual numbers do not tell, as of next states. What is no number has overflowed,
-    /// and lost all digits by that.
+    /// Whether a value is off by [`WRONG`] of its size. What is no number has overflowed, and lost all digits by that.
     fn is_far_off(compiled: f64, truth: f64) -> bool {
         let error = (compiled - truth).abs();
         error.is_finite() && error > WRONG * truth.abs()

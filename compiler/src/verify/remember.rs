@@ -2,12 +2,16 @@
 //! states against numbers of any precision.
 //!
 //! A next state may be off by 64 roundings of itself, and by what it changes by when the change of the
-//! measure, or the measure itself, is rounded: a return map takes the strain and hands on its rounding. What no
-//! double holds has no digits to lose: such places tell nothing.
+//! measure, or the measure itself, is rounded: a return map takes the strain and hands on its rounding. What is off by
+//! more is wrong where the next state as written keeps its digits in doubles that are rounded at random (`next_state`).
+//! What no double holds has no digits to lose: such places tell nothing.
 
-use super::{Columns, Miss, Subject, UNIT_ROUNDOFF, Verification, Witness, families, sample};
+use super::{
+    Columns, Miss, Subject, UNIT_ROUNDOFF, Verification, Witness, families, next_state, sample,
+};
 use crate::expression::number::Number as _;
 use crate::expression::precise::Precise;
+use crate::expression::random_rounding::RandomlyRounded;
 use crate::kernel::{Kernel, Level, Mode, WrittenEnergy};
 use crate::measure::Measure;
 use crate::model::{Model, Of, Variant};
@@ -91,7 +95,7 @@ pub(super) fn verify(
     Ok(written.iter().enumerate().filter(is_there).map(of_state).collect())
 }
 
-fn compare(
+pub(super) fn compare(
     mut found: Verification,
     kernels: [&Kernel; 3],
     written: &WrittenEnergy,
@@ -111,7 +115,7 @@ fn compare(
                 compiled: vec![value],
                 expected: vec![truth],
                 tolerance: bar * unit,
-                is_wrong: Miss::is_far_off(value, truth),
+                is_wrong: next_state::is_wrong(value, truth, |seed| rounded(written, *point, seed)),
             });
         }
     }
@@ -124,6 +128,12 @@ fn rounded_inputs(written: &WrittenEnergy, point: Point, truth_here: f64) -> f64
     let moved = [-UNIT_ROUNDOFF, UNIT_ROUNDOFF]
         .map(|u| truth(written, point, u * size).map_or(0.0, |there| (there - truth_here).abs()));
     moved[0].max(moved[1])
+}
+
+/// A next state as written in doubles that are rounded at random.
+fn rounded(written: &WrittenEnergy, point: Point, seed: u64) -> f64 {
+    let given = |value| RandomlyRounded::given(value, seed);
+    written.evaluate(given(point.measure), given(point.reference)).value()
 }
 
 /// A next state as written to many digits, where it is a number that a double holds; the measure is larger by so

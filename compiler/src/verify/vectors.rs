@@ -7,6 +7,7 @@ use super::sample::Random;
 use super::{Subject, Verification, Witness, families, vector_margin};
 use crate::expression::number::Number;
 use crate::expression::precise::Precise;
+use crate::expression::random_rounding::RandomlyRounded;
 use crate::gathered::vectors::Which;
 use crate::gathered::{FamilyBatch, FamilyKernel, Slot, VectorKernels, WrittenFamily, argument};
 use crate::kernel::{Level, Mode};
@@ -417,6 +418,13 @@ impl Seen<'_> {
         let slot = |slot: Slot| Precise::<256>::constant(place.slot(slot));
         let value = self.written.value(slot, Some(&|k| self.field(p, k)));
         value.parts().map(|_| value.rounded()[0])
+    }
+
+    /// The value alone in doubles that are rounded at random.
+    pub(super) fn rounded(&self, p: usize, seed: u64) -> f64 {
+        let place = &self.places.all[p];
+        let slot = |slot: Slot| RandomlyRounded::given(place.slot(slot), seed);
+        self.written.value(slot, Some(&|k| self.field(p, k))).value()
     }
 
     /// A field at a place, by its place among the fields.

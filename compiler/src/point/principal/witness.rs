@@ -12,6 +12,7 @@ use super::axes::{Axes, Components, LANES};
 use crate::expression::graph::component;
 use crate::expression::number::Number;
 use crate::expression::precise::Precise;
+use crate::expression::random_rounding::RandomlyRounded;
 use crate::expression::real::Real;
 use crate::expression::{Function, Operator};
 
@@ -90,12 +91,7 @@ const CLOSE: f64 = 1.3;
 
 impl Principal for HyperDual64 {
     fn right_axes(d: usize, gradient: &[Self]) -> Vec<Self> {
-        let mut values: Components = [[0.0; LANES]; 9];
-        for (value, x) in values.iter_mut().zip(gradient) {
-            value[0] = x.re;
-        }
-        let axes = Axes::far(d, &values).right;
-        axes.map(|axis| HyperDual64::from_re(axis[0])).to_vec()
+        axes_in_doubles(d, gradient)
     }
 
     fn slope(g: &dyn Fn(Self) -> Self, a: &Self) -> Self {
@@ -115,6 +111,32 @@ impl Principal for HyperDual64 {
         };
         HyperDual64::from_re(GAUSS.into_iter().map(both).sum())
     }
+}
+
+/// Derivatives at the value multiply `c_ij^2`, which is 0 but for what derivatives add, and there are none: what
+/// rounding leaves of it is a square of roundings. So they are not worked out.
+impl Principal for RandomlyRounded {
+    fn right_axes(d: usize, gradient: &[Self]) -> Vec<Self> {
+        axes_in_doubles(d, gradient)
+    }
+
+    fn slope(_: &dyn Fn(Self) -> Self, _: &Self) -> Self {
+        RandomlyRounded::constant(0.0)
+    }
+
+    fn divided_slope(_: &dyn Fn(Self) -> Self, _: [&Self; 2], _: [&Self; 2]) -> Self {
+        RandomlyRounded::constant(0.0)
+    }
+}
+
+/// Axes as doubles know them, from the values of a gradient.
+fn axes_in_doubles<N: Number>(d: usize, gradient: &[N]) -> Vec<N> {
+    let mut values: Components = [[0.0; LANES]; 9];
+    for (value, x) in values.iter_mut().zip(gradient) {
+        value[0] = x.value();
+    }
+    let axes = Axes::far(d, &values).right;
+    axes.map(|axis| N::constant(axis[0])).to_vec()
 }
 
 impl<const BITS: usize> Principal for Precise<BITS> {

@@ -217,7 +217,11 @@ impl WithSimd for Back<'_> {
     fn with_simd<S: Simd>(self, _: S) {
         for first in (0..BLOCK).step_by(LANES) {
             match self.0.dimension {
-                2 => self.0.turn_back::<LANES>(first, 2, rotation_in_the_plane),
+                #[expect(
+                    clippy::redundant_closure,
+                    reason = "handed on itself it stays a function"
+                )]
+                2 => self.0.turn_back::<LANES>(first, 2, |h| rotation_in_the_plane(h)),
                 _ => self.0.turn_back::<LANES>(first, 3, |h| rotation_of(h, 3)),
             }
         }
@@ -227,10 +231,15 @@ impl WithSimd for Back<'_> {
 /// A tensor of places beside each other, row by row.
 type Lanes<const N: usize> = [[f64; N]; MOST];
 
-/// The same for each of the places.
+/// The same for each of the places. A loop: the closures of `array::from_fn` stay functions of their own, which know
+/// nothing of the registers of the machine.
 #[inline(always)]
 fn each<const N: usize>(of: impl Fn(usize) -> f64) -> [f64; N] {
-    std::array::from_fn(of)
+    let mut all = [0.0; N];
+    for p in 0..N {
+        all[p] = of(p);
+    }
+    all
 }
 
 impl TurnedBack {
@@ -242,13 +251,16 @@ impl TurnedBack {
         d: usize,
         rotation: impl Fn(&Lanes<N>) -> Lanes<N>,
     ) {
-        let read = |tensors: &Tensors| -> Lanes<N> {
-            std::array::from_fn(|k| each(|p| tensors[k][first + p]))
-        };
-        let h = read(&self.given);
+        let mut h = [[0.0; N]; MOST];
+        for k in 0..MOST {
+            h[k] = each(|p| self.given[k][first + p]);
+        }
         // R - I and what H is more than that.
         let beyond = rotation(&h);
-        let rest: Lanes<N> = std::array::from_fn(|k| each(|p| h[k][p] - beyond[k][p]));
+        let mut rest = h;
+        for k in 0..MOST {
+            rest[k] = each(|p| h[k][p] - beyond[k][p]);
+        }
         let marked: [bool; N] = std::array::from_fn(|p| self.marked[first + p]);
         for i in 0..d {
             for j in 0..d {

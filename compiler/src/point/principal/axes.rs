@@ -304,9 +304,15 @@ impl Turn {
     }
 }
 
+/// The same for each lane. A loop: the closures of `array::from_fn` stay functions of their own, which know nothing of
+/// the registers of the machine.
 #[inline(always)]
 fn each(f: impl Fn(usize) -> f64) -> Lanes {
-    std::array::from_fn(f)
+    let mut all = [0.0; LANES];
+    for k in 0..LANES {
+        all[k] = f(k);
+    }
+    all
 }
 
 #[inline(always)]

@@ -57,7 +57,8 @@ impl Number for RandomlyRounded {
     fn unary(function: Function, x: Self) -> Self {
         let value = f64::unary(function, x.value);
         match function {
-            Function::Negate | Function::Abs | Function::Sign => RandomlyRounded { value, ..x },
+            Function::Sign => Self::constant(value),
+            Function::Negate | Function::Abs => RandomlyRounded { value, ..x },
             _ => Self::rounded(value, mixed(mixed(2, function as u64), x.seed)),
         }
     }

@@ -315,7 +315,8 @@ fn laws_that_are_not_affine_and_strict_ones_go_in_batches() {
     assert_eq!(of(TRUE, Level::Strict), []);
 }
 
-/// The triangles on a bond have owners in several slabs: where one of them is thin, no tangent goes by bonds.
+/// The triangles on a bond have owners in several slabs: where one of them is thin, no tangent goes by bonds. Forces and
+/// products of the slabs that have it go in batches.
 #[test]
 fn a_thin_triangle_leaves_all_tangents_to_batches() {
     for body in [&bodies()[1], &bodies()[2]] {
@@ -345,6 +346,7 @@ fn a_thin_triangle_leaves_all_tangents_to_batches() {
         for (what, found, expected) in [
             ("forces", &found.forces, &expected.forces),
             ("tangent", &found.tangent, &expected.tangent),
+            ("product", &found.product, &expected.product),
         ] {
             let error = distance(found, expected);
             assert!(error < 4e-13, "{what}: {error:e}");
@@ -352,16 +354,42 @@ fn a_thin_triangle_leaves_all_tangents_to_batches() {
     }
 }
 
+/// Along rows and in batches, by the square of areas in space.
+fn by_squares_of_areas(body: &Arc<Body>, weights: Weights) -> [DiscreteEnergy; 2] {
+    [Level::Fast, Level::Strict].map(|level| {
+        let horizon = 2.2 * SPACING;
+        let laws = laws_of("psi(a) = 20*A*((a/A)^2 - 1)^2\n", level, 3, horizon);
+        DiscreteEnergy::new(Arc::clone(body), horizon, weights, laws).unwrap()
+    })
+}
+
+#[test]
+fn squares_of_areas_give_what_batches_give() {
+    for body in &bodies()[2..] {
+        for weights in [Weights::Unit, Weights::Volumes] {
+            let energies = by_squares_of_areas(body, weights);
+            assert_eq!(energies[0].along_rows(), [Measure::Area]);
+            let u = displacements(body, 0.2, 7);
+            let [found, expected] = energies.each_ref().map(|energy| state(energy, &u));
+            for (what, found, expected) in [
+                ("parts", &found.parts, &expected.parts),
+                ("forces", &found.forces, &expected.forces),
+                ("tangent", &found.tangent, &expected.tangent),
+                ("product", &found.product, &expected.product),
+            ] {
+                let error = distance(found, expected);
+                assert!(error < 4e-13, "{weights:?}, {what}: {error:e}");
+            }
+        }
+    }
+}
+
 /// Laws by the square of the area have derivatives where two corners are one point.
 #[test]
 fn triangles_without_area_have_tangents() {
-    let (body, horizon) = (&bodies()[2], 2.2 * SPACING);
-    let of = |level| {
-        let laws = laws_of("psi(a) = 20*A*((a/A)^2 - 1)^2\n", level, 3, horizon);
-        DiscreteEnergy::new(Arc::clone(body), horizon, Weights::Unit, laws).unwrap()
-    };
+    let body = &bodies()[2];
     let mut u = vec![0.0; 3 * body.n_points()];
-    let (rows, batches) = (of(Level::Fast), of(Level::Strict));
+    let [rows, batches] = by_squares_of_areas(body, Weights::Unit);
     assert_eq!(rows.along_rows(), [Measure::Area]);
     let own = body.n_points() / 2;
     let next = rows.neighborhood().upper(own).iter().find(|other| {
@@ -372,8 +400,12 @@ fn triangles_without_area_have_tangents() {
     });
     u[3 * next.unwrap() as usize] = -SPACING;
     let (found, expected) = (state(&rows, &u), state(&batches, &u));
-    let error = distance(&found.tangent, &expected.tangent);
-    assert!(error < 4e-13, "{error:e}");
+    for (found, expected) in
+        [(&found.tangent, &expected.tangent), (&found.product, &expected.product)]
+    {
+        let error = distance(found, expected);
+        assert!(error < 4e-13, "{error:e}");
+    }
 }
 
 /// What runs refuse is worked out again in batches, which name the points, or find that it is finite.

@@ -1,6 +1,7 @@
 //! Products of the Hessian with a vector, without its matrix; energies of points, and their virials.
 //!
-//! Each interaction's compact Hessian is used where it is evaluated and not added up. Rows of the
+//! What goes along the rows of a lattice, or in fours, has products of its own. In batches each interaction's compact
+//! Hessian is used where it is evaluated and not added up. Rows of the
 //! Hessian add up to zero over the corners of an interaction, so that only displacements relative
 //! to the owner enter, and the owner's part is minus the sum of the others'. Slabs and their order
 //! are those of the assembly.
@@ -186,7 +187,7 @@ impl InteractionHessian<'_> {
             let is_known = sink.add_known(energy, (slab, u), tetrahedra, room);
             let visit = Visit { energy, slab, order, u, only: None };
             visit.all(room, &mut sink, is_known.map(|is_known| !is_known))?;
-            // Owners that have lost interactions do not go with the others; bonds that go so have lost none.
+            // Owners that have lost interactions do not go with the others. Broken bonds are not among those that go.
             let rest = energy.lost.as_ref().map(|lost| lost.owners());
             if let Some(rest) = rest.filter(|rest| rest.have_any(energy.slabs.owners(slab))) {
                 let [_, triangles, tetrahedra] = is_known;
@@ -200,8 +201,8 @@ impl InteractionHessian<'_> {
 }
 
 impl<const D: usize> Product<'_, D> {
-    /// Adds what goes without neighbour lists and kernels; whether that were the bonds, the triangles and the
-    /// tetrahedra.
+    /// Adds what goes without neighbour lists and kernels; which of bonds, triangles and tetrahedra
+    /// went so.
     fn add_known(
         &mut self,
         energy: &DiscreteEnergy,

@@ -14,8 +14,9 @@ use crate::element::WIDEST;
 const ONES_AND_ZEROS: [f64; 2 * WIDEST] =
     [1., 1., 1., 1., 1., 1., 1., 1., 0., 0., 0., 0., 0., 0., 0., 0.];
 
-/// A loop that is compiled for the registers of the machine, to be dispatched. A closure that is dispatched itself, and
-/// takes nothing with it, is called by `FnOnce::call_once`: a function of its own, which knows nothing of these.
+/// A loop that is compiled for the registers of the machine, to be dispatched. A closure that is dispatched itself is
+/// called by `FnOnce::call_once`. Where it moves nothing out of what it captures, that is a function of its own around
+/// it, which knows nothing of these registers.
 pub(crate) struct InRegisters<F>(pub(crate) F);
 
 impl<R, F: FnMut() -> R> WithSimd for InRegisters<F> {

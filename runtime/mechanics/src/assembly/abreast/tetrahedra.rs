@@ -3,7 +3,8 @@
 //! With vectors `a`, `b`, `c` from the owner to the other corners, `v = (a x b).c`. All tetrahedra on a
 //! pair of bonds share its normal `a x b`: the force on the end of `c` is `f a x b`, where `f` is the
 //! weighted derivative of the energy, and those on the ends of `a` and `b` are `b x s` and `s x a` with
-//! the sum `s` of `f c`.
+//! the sum `s` of `f c`. A direction of products changes all of these by the product rule: `a x b` by `da x b + a x db`,
+//! `v` along that, `f` by what `v` changes by.
 
 use std::collections::BTreeMap;
 use std::ops::Range;

@@ -11,7 +11,7 @@ pub(super) const CAPACITY: usize = 128;
 /// A number of each tensor of a whole batch.
 pub(super) type Column = [f64; CAPACITY];
 
-/// Components of all tensors of a batch: of a whole one a column each, row by row.
+/// Components of all tensors of a batch, row by row: a column each, or as laws take them, one behind the other.
 pub(super) type Columns = [Column; 9];
 
 /// Arrays of a batch: component by component, as laws take them. They fit on a thread's stack.
@@ -143,27 +143,33 @@ impl<const D: usize> LawBatch<D> {
         }
     }
 
-    /// The displacement gradients and directions of a whole batch, to be written.
+    /// Columns of displacement gradients and directions, to be written before [`LawBatch::take_columns`].
     #[inline(always)]
-    pub(super) fn whole(&mut self) -> [&mut Columns; 2] {
-        self.n = CAPACITY;
+    pub(super) fn columns(&mut self) -> [&mut Columns; 2] {
         [&mut self.change, &mut self.direction]
     }
 
-    /// Takes what was written as displacement gradients.
+    /// Takes the first `n` lanes of what was written, of which laws then see nothing else.
     #[inline(always)]
-    pub(super) fn take_whole(&mut self) {
+    pub(super) fn take_columns(&mut self, n: usize) {
         for k in 0..D * D {
             self.current[k] = self.change[k];
             if k % (D + 1) == 0 {
                 self.current[k].iter_mut().for_each(|x| *x += 1.0);
             }
         }
+        self.n = n;
+        for of in [&mut self.current, &mut self.change, &mut self.direction] {
+            let all = of.as_flattened_mut();
+            (1..D * D).for_each(|k| all.copy_within(k * CAPACITY..k * CAPACITY + n, k * n));
+        }
     }
 
-    /// The stresses, or products, of a whole batch.
+    /// Makes columns of the stresses, or products, which nothing else then finds.
     #[inline(always)]
-    pub(super) fn out(&mut self) -> &mut Columns {
+    pub(super) fn out_as_columns(&mut self) -> &mut Columns {
+        let (n, all) = (self.n, self.out.as_flattened_mut());
+        (1..D * D).rev().for_each(|k| all.copy_within(k * n..(k + 1) * n, k * CAPACITY));
         &mut self.out
     }
 

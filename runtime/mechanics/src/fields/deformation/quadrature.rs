@@ -355,26 +355,22 @@ impl<const D: usize> Run<'_, D> {
         if n == 0 {
             return Ok(());
         }
-        // What is left of a batch is filled with one of its bonds, without weight.
-        let (bond, law) = (self.bonds[0], self.laws[0]);
-        self.bonds[n..].fill(bond);
-        self.weights[n..].fill(0.0);
-        self.laws[n..].fill(law);
+        // Behind the last bond stand those of a batch before, or none: nobody looks at what comes of them.
         let (arch, bonds, weights) = (self.arch, &self.bonds, &self.weights);
         let (columns, batch) = (&mut self.columns, &mut self.batch);
         arch.dispatch(InRegisters(
             #[inline(always)]
             || {
                 columns.set(bonds);
-                let [h, directions] = batch.whole();
+                let [h, directions] = batch.columns();
                 columns.gradients(bonds, self.fields, h);
                 if let Pass::Product(direction) = self.pass {
                     columns.gradients(bonds, direction, directions);
                 }
-                batch.take_whole();
+                batch.take_columns(n);
             },
         ));
-        let laws = if self.law.materials.is_some() { &self.laws[..] } else { &[] };
+        let laws = if self.law.materials.is_some() { &self.laws[..n] } else { &[] };
         let (law, place) = ((self.law, laws), |lane: usize| bonds[lane].place());
         let done = match self.pass {
             Pass::Energy => batch.evaluate_taken(law, place, false),
@@ -386,7 +382,7 @@ impl<const D: usize> Run<'_, D> {
             determinant: determinant(&batch.gradient(lane)),
         })?;
         if !matches!(self.pass, Pass::Product(_)) {
-            self.sum.join(&Sum::of_products(&batch.psi()[..n], &weights[..n]));
+            self.sum.join(&Sum::of_products(batch.psi(), &weights[..n]));
         }
         let duals = &mut self.duals;
         let lanes = || bonds[..n].iter().zip(weights).enumerate();
@@ -398,8 +394,9 @@ impl<const D: usize> Run<'_, D> {
             arch.dispatch(InRegisters(
                 #[inline(always)]
                 || {
-                    columns.pull(weights, batch.out());
-                    columns.scatter(&bonds[..n], batch.out(), duals);
+                    let stress = batch.out_as_columns();
+                    columns.pull(weights, stress);
+                    columns.scatter(&bonds[..n], stress, duals);
                 },
             ));
         }

@@ -229,16 +229,22 @@ impl<F> Schedule<'_, F> {
             Some(gap) => lock(&gap.0).own = Some((next, of_odd)),
             None => last = (range.len() == 2).then_some((next, of_odd)),
         }
-        if let Some(gap) = before {
-            self.fill(gap, even - 1);
-        }
-        if let Some(gap) = after {
-            self.fill(gap, even + 1);
-        }
-        if let Some((next, own)) = last {
-            let (mut here, mut nothing) = next.cut(self.slabs, even + 2);
-            (self.run)(even + 1, [&mut here, &mut nothing], own);
-        }
+        let fill = |gap: Option<&Gap<P, B>>, odd: usize| {
+            if let Some(gap) = gap {
+                self.fill(gap, odd);
+            }
+        };
+        // Both may be ready now: a thread that waits takes one of them.
+        rayon::join(
+            || fill(before, even.saturating_sub(1)),
+            || {
+                fill(after, even + 1);
+                if let Some((next, own)) = last {
+                    let (mut here, mut nothing) = next.cut(self.slabs, even + 2);
+                    (self.run)(even + 1, [&mut here, &mut nothing], own);
+                }
+            },
+        );
     }
 
     /// Visits the odd slab of a gap if both its neighbours are done.

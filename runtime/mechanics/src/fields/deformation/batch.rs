@@ -159,6 +159,10 @@ impl<const D: usize> LawBatch<D> {
             }
         }
         self.n = n;
+        // Of a whole batch columns stand one behind the other.
+        if n == CAPACITY {
+            return;
+        }
         for of in [&mut self.current, &mut self.change, &mut self.direction] {
             let all = of.as_flattened_mut();
             (1..D * D).for_each(|k| all.copy_within(k * CAPACITY..k * CAPACITY + n, k * n));
@@ -169,7 +173,9 @@ impl<const D: usize> LawBatch<D> {
     #[inline(always)]
     pub(super) fn out_as_columns(&mut self) -> &mut Columns {
         let (n, all) = (self.n, self.out.as_flattened_mut());
-        (1..D * D).rev().for_each(|k| all.copy_within(k * n..(k + 1) * n, k * CAPACITY));
+        if n < CAPACITY {
+            (1..D * D).rev().for_each(|k| all.copy_within(k * n..(k + 1) * n, k * CAPACITY));
+        }
         &mut self.out
     }
 

@@ -199,6 +199,20 @@ fn messages_are_short_and_no_text_commands_the_terminal() {
     assert!(outcome.code == 0 || outcome.stderr.contains("error"), "{outcome:?}");
 }
 
+/// Triangles of a lattice with an affine law go along its rows, with tables; at the strict level nothing does.
+#[test]
+fn a_plan_knows_what_goes_along_rows() {
+    let scene = "examples/cube_C1_C2/scene.toml";
+    let strict: &[&str] = &["--set", "solver.level=strict"];
+    for (settings, has_tables) in [(&[][..], true), (strict, false)] {
+        let arguments = [&["plan", scene, "--format", "json"], settings].concat();
+        let plan = piola(&arguments).expect(0).json();
+        let items = plan["memory"].as_array().unwrap();
+        let is_there = items.iter().any(|item| item["item"] == "tables of cliques");
+        assert_eq!(is_there, has_tables, "{plan}");
+    }
+}
+
 /// What a plan counts in the first increment is what the run then does.
 #[test]
 fn a_plan_counts_line_searches_and_cut_backs() {

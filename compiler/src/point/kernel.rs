@@ -19,7 +19,7 @@ use crate::specialise::{CompileError, Dropped, Form};
 use crate::values::{MAX_FIELDS, Values};
 use crate::written::{Dual, Written};
 
-/// Below this `max |F - I|` the form in `F - I` is evaluated.
+/// Below this `max |F - I|` the form in `F - I` is evaluated, where it keeps its digits as far.
 pub const NEAR: f64 = 0.25;
 
 /// Places that are looked at together for the choice of the form.
@@ -56,6 +56,8 @@ pub struct GradientKernel {
     fields: Vec<f64>,
     body: Body,
     domain: Domain,
+    /// Below this `max |F - I|` the form near rest is evaluated.
+    reach: f64,
     /// Whether bodies that are turned are turned back: the energy sees no rotation, and has a form near rest.
     turns_back: bool,
     /// Whether they are for products as well, in which roots lose more than directions that are turned.
@@ -100,7 +102,8 @@ impl GradientKernel {
         let near = forms.near.map(|near| Evaluator::new(near, mode)).transpose()?;
         let body = Body::Forms(Box::new(far), near.map(Box::new));
         let fields = vec![f64::NAN; n_fields];
-        Ok(GradientKernel::made(dimension, n_axes, fields, body))
+        let made = GradientKernel::made(dimension, n_axes, fields, body);
+        Ok(GradientKernel { reach: forms.reach, ..made })
     }
 
     /// The kernel of an energy without a declared domain.
@@ -113,6 +116,7 @@ impl GradientKernel {
             fields,
             body,
             domain,
+            reach: NEAR,
             turns_back,
             turns_products,
             body_has_fields,
@@ -133,8 +137,10 @@ impl GradientKernel {
             }
             _ => {
                 let (has_near, has_roots) = (forms.near.is_some(), forms.has_roots);
+                let reaches = forms.reach == NEAR;
                 let mut made = GradientKernel::new(forms, mode)?;
-                made.turns_back = has_near && turned::is_blind(&written(), values.dimension);
+                made.turns_back =
+                    has_near && reaches && turned::is_blind(&written(), values.dimension);
                 made.turns_products = made.turns_back && has_roots;
                 made
             }
@@ -152,6 +158,11 @@ impl GradientKernel {
     /// 2 or 3.
     pub fn dimension(&self) -> usize {
         self.dimension
+    }
+
+    /// Evaluates the form near rest below this `max |F - I|`.
+    pub(super) fn set_reach(&mut self, reach: f64) {
+        self.reach = reach;
     }
 
     /// Whether the declared domain holds a gradient, row by row.
@@ -231,7 +242,7 @@ impl GradientKernel {
             let near = &mut near[..block.len()];
             near.fill(has_near);
             for component in in_block(at.change, at.n, &block) {
-                near.iter_mut().zip(component).for_each(|(near, h)| *near &= h.abs() < NEAR);
+                near.iter_mut().zip(component).for_each(|(near, h)| *near &= h.abs() < self.reach);
             }
             let mut arrays: [&mut [f64]; 1 + MOST] = Default::default();
             let targets = outputs.iter_mut().map(|array| &mut array[block.clone()]);

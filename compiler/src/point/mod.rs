@@ -2,12 +2,14 @@
 //!
 //! Before: a model with values. After: psi, the first Piola-Kirchhoff stress `P = dpsi/dF` and its
 //! change `dP = d2psi/dF2 : dF`, each as machine code over arrays. There are two forms: one in `F`, as
-//! written, and, where `max |F - I| < 0.25`, one in `H = F - I` that keeps its digits near rest.
+//! written, and, where `max |F - I| < 0.25`, one in `H = F - I` that keeps its digits near rest; of
+//! functions that are steep there, less far.
 //!
 //! | module | what |
 //! |---|---|
 //! | `invariants` | sums and products that are invariants or cofactors, in the form that keeps their digits; `modular` tells them |
 //! | `near` | an energy as a function of `H` |
+//! | `reach` | how far from rest that serves |
 //! | `adjoint` | derivatives by several variables |
 //! | `principal` | functions of the right stretch tensor |
 //! | `kernel` | both forms over arrays, and the choice between them |
@@ -24,6 +26,7 @@ mod kernel;
 mod modular;
 pub(crate) mod near;
 mod principal;
+mod reach;
 mod roundings;
 pub(crate) mod sample;
 pub(crate) mod truth;
@@ -62,10 +65,19 @@ pub struct GradientEnergyForms {
     pub far: DensityForm,
     /// In `F - I`; none where textbook forms are asked for, or the energy is no number at rest.
     pub near: Option<DensityForm>,
+    /// Below this `max |F - I|` it is evaluated: [`NEAR`], or less for functions that are steep at rest.
+    pub reach: f64,
     /// Whether there are roots, or other powers, of what is 0 at rest in the form near it.
     pub has_roots: bool,
     /// The invariants that were recognised.
     pub recognised: Vec<&'static Rule>,
+}
+
+impl GradientEnergyForms {
+    /// Whether the form near rest is evaluated where `F - I` is this, row by row.
+    pub fn is_near(&self, change: &[f64]) -> bool {
+        self.near.is_some() && change.iter().all(|h| h.abs() < self.reach)
+    }
 }
 
 /// Functions of the deformation gradient that are added up.
@@ -148,7 +160,13 @@ impl Model {
         form: Form,
     ) -> Result<(Option<GradientEnergyForms>, Vec<Dropped>), CompileError> {
         let lacks_horizon = values.horizon.is_nan();
-        self.gradient_forms(subject, (&values.fields, lacks_horizon), form, &known(values))
+        let written = WrittenGradientEnergy::new(subject.variant, &subject.roots, values);
+        let fields = (&values.fields[..], lacks_horizon);
+        let (mut forms, dropped) = self.gradient_forms(subject, fields, form, &known(values))?;
+        if let Some(forms) = &mut forms {
+            forms.reach = reach::reach(forms, &written, values)?;
+        }
+        Ok((forms, dropped))
     }
 
     /// The same with parameters left as symbols, as `derive` prints them.
@@ -221,7 +239,14 @@ impl Model {
                         *one = one.clone().with_fields(fields);
                     }
                 }
-                Ok(Some(GradientEnergyForms { dimension, far, near, has_roots, recognised }))
+                Ok(Some(GradientEnergyForms {
+                    dimension,
+                    far,
+                    near,
+                    reach: NEAR,
+                    has_roots,
+                    recognised,
+                }))
             });
         let forms = named.made(forms)?;
         if let Some(forms) = &forms {

@@ -64,13 +64,22 @@ impl Sample {
 
 /// psi, then P, then dP of a kernel at every sample.
 pub(crate) fn evaluate(kernel: &GradientKernel, samples: &[Sample]) -> Vec<Vec<f64>> {
+    evaluate_with(kernel, samples, &[])
+}
+
+/// The same with values of fields; see [`GradientBatch::fields`].
+pub(super) fn evaluate_with(
+    kernel: &GradientKernel,
+    samples: &[Sample],
+    fields: &[f64],
+) -> Vec<Vec<f64>> {
     let n = samples.len();
     let n_components = kernel.dimension() * kernel.dimension();
     let columns = |of: fn(&Sample) -> &Vec<f64>| -> Vec<f64> {
         (0..n_components).flat_map(|k| samples.iter().map(move |s| of(s)[k])).collect()
     };
     let (gradient, change) = (columns(|s| &s.gradient), columns(|s| &s.change));
-    let at = GradientBatch { n, gradient: &gradient, change: &change, fields: &[] };
+    let at = GradientBatch { n, gradient: &gradient, change: &change, fields };
     let (mut psi, mut stress) = (vec![0.0; n], vec![0.0; gradient.len()]);
     let mut product = vec![0.0; gradient.len()];
     kernel.evaluate(at, &mut psi, &mut stress);

@@ -12,7 +12,7 @@ use crate::expression::power::{PowerOps, PowerPlan};
 use crate::expression::{ExprGraph, Function, Input, Node, NodeId, Operator};
 use crate::measure::Measure;
 use crate::model::{DIRECTIONS, Model, Of, OfFamily};
-use crate::point::{GradientEnergyForms, GradientFunction, GradientFunctionKind, NEAR, axes};
+use crate::point::{GradientEnergyForms, GradientFunction, GradientFunctionKind, axes};
 use crate::specialise::ScalarEnergy;
 
 /// A C99 file with one function per energy of a measure:
@@ -282,9 +282,10 @@ fn gradient_functions(
             out.push_str("    int near = 1;\n");
             let _ = writeln!(
                 out,
-                "    for (int k = 0; k < {}; k++) near = near && fabs(change[k * n + i]) < {NEAR:?};\n\
+                "    for (int k = 0; k < {}; k++) near = near && fabs(change[k * n + i]) < {:?};\n\
                  \x20   if (near) {{",
-                order.len()
+                order.len(),
+                forms.reach
             );
             write(out, near, *what);
             out.push_str("    continue;\n    }\n");

@@ -74,6 +74,30 @@ mod tests {
         }
     }
 
+    /// Near rest a state is its value there and what it changes by, which cancel where it has fallen steeply.
+    #[test]
+    fn a_next_state_that_falls_steeply_is_not_wrong() {
+        let of_gradients = "psi(F) = exp(-k)*(E : E)";
+        let tensors = "K = integral(dyad(Xi, Xi))\nH = integral(dyad(xi - Xi, Xi))*inv(K)\n\
+                       psi(H) = exp(-k)*((H + H') : (H + H'))";
+        for (next, lines) in [
+            ("exp(-300*(F : F - 2))", of_gradients),
+            ("1/exp(300*(F : F - 2))", of_gradients),
+            ("exp(300*(F : F - 2))/exp(299*(F : F - 2))", of_gradients),
+            ("exp(-300*e)", "e = integral(l/L - 1)\npsi(e) = exp(-k)*e^2"),
+            ("exp(-300*tr(H))", tensors),
+            ("k/2 + exp(-1000*(H : H))", tensors),
+        ] {
+            let model = model(&remembering(next, lines));
+            for d in [2, 3] {
+                let (found, _) = verify(&model, &values(&model, d, &[]), 50).unwrap();
+                for one in found {
+                    assert_ne!(one.outcome(), Outcome::Wrong, "{next}: {:?}", one.subject);
+                }
+            }
+        }
+    }
+
     /// Off by a thousandth: what is written has another coefficient than what is compiled. Large numbers on the way, and
     /// terms of which some digits cancel, hide nothing.
     #[test]

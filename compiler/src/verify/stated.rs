@@ -33,7 +33,7 @@ pub(crate) fn cause_of_gradient(
     order: usize,
     sample: &Sample,
 ) -> Option<Cause> {
-    let near = forms.near.as_ref().filter(|_| sample.is_near());
+    let near = forms.near.as_ref().filter(|_| forms.is_near(&sample.change));
     let form = near.unwrap_or(&forms.far);
     let d = forms.dimension;
     let axes = match (form.has_axes(), near.is_some()) {

@@ -31,6 +31,7 @@ pub use factor::{FactorEstimate, estimate_factor};
 pub use families::Families;
 pub use ranks::RanksPlan;
 pub(crate) use text::bytes as in_bytes;
+use time::Passes;
 pub use time::{Basis, ChangeOver, FirstIncrement, Pace, TimeEstimate};
 
 /// Memory of a factorisation over that of its factor's numbers: padding, workspace, indices.
@@ -120,8 +121,9 @@ pub struct PlanInput<'a> {
     /// How many energies of bonds, triangles and tetrahedra there are; those of several measures count as
     /// often as they take longer.
     pub energies: [usize; 3],
-    /// Whether products with the tangent are those of bonds that need no kernel.
-    pub quick_products: bool,
+    /// Whether passes over bonds, triangles and tetrahedra need no kernels: their laws are affine, and they go along
+    /// the rows of a lattice, or, bonds of clouds, in fours.
+    pub without_kernels: [bool; 3],
     /// Whether bonds can break, or are cut.
     pub breaks: bool,
     /// Whether triangles, and tetrahedra, can break by conditions of their own.
@@ -453,6 +455,7 @@ impl Costs {
             let bytes = 21 * interactions.bonds;
             memory.push(MemoryItem { item: "status of bonds", bytes });
         }
+        memory.extend(tables(extent, interactions, input.without_kernels));
         if input.breaks_cliques != [false; 2] {
             // A bit in the energy and one beside it.
             let of = [interactions.triangles, interactions.tetrahedra];
@@ -470,17 +473,15 @@ impl Costs {
             let bytes = 8 * states as u64 * n;
             memory.extend((bytes > 0).then_some(MemoryItem { item, bytes }));
         }
+        let passes = Passes::new(interactions, input.energies, input.without_kernels);
         let time = if families.is_empty() {
             let horizons = extent.sides.iter().fold(0.0_f64, |a, b| a.max(*b)) / input.layers();
             let choice = input.scene.solver.preconditioner;
             let jacobi = choice == PreconditionerChoice::BlockJacobi;
             let horizons = (jacobi || !linear.stores_matrix).then_some(horizons);
-            let interactions = (interactions, input.energies);
-            let matrix = (dimension, blocks, input.quick_products);
-            TimeEstimate::new(interactions, matrix, linear, factor, horizons, *pace)
+            TimeEstimate::new(passes, (dimension, blocks), linear, factor, horizons, *pace)
         } else {
-            let others = time::interaction_seconds(interactions, input.energies);
-            let work = (interactions.bonds as f64, others);
+            let work = (interactions.bonds as f64, passes);
             families::time(families, extent, work, (blocks, factor), linear, *pace)
         };
         Costs { memory, time: time.for_increments(input.scene.steps.increments) }
@@ -524,6 +525,20 @@ impl Stored {
 }
 
 /// Memory of the parts of a run.
+/// What triangles and tetrahedra along the rows of a lattice need: those of one point with their laws, where they
+/// are added up and once more, three times each, where tangents are; and each bond of points abreast.
+fn tables(
+    extent: &Extent,
+    interactions: &InteractionCount,
+    [_, triangles, tetrahedra]: [bool; 3],
+) -> Option<MemoryItem> {
+    let of_a_point = |n: u64, bytes: u64| 4 * bytes * n / extent.points.max(1) as u64;
+    let of_triangles = of_a_point(interactions.triangles, 64) + 4 * interactions.bonds;
+    let of_tetrahedra = of_a_point(interactions.tetrahedra, 8);
+    let bytes = of_triangles * u64::from(triangles) + of_tetrahedra * u64::from(tetrahedra);
+    (bytes > 0).then_some(MemoryItem { item: "tables of cliques", bytes })
+}
+
 fn memory(
     extent: &Extent,
     interactions: &InteractionCount,

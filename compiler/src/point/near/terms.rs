@@ -4,7 +4,9 @@
 //! nothing. `mu*(tr(C) - 3)/2 - mu*ln(J)` is `mu` times what cancels without it.
 
 use super::{Expander, Near, Source, Varying};
-use crate::expression::{ExprGraph, Function, Input, Node, NodeId, Operator, TooManyNodes};
+use crate::expression::{
+    Comparison, ExprGraph, Function, Input, Node, NodeId, Operator, TooManyNodes,
+};
 use crate::measure::Measure;
 use crate::simplify::Simplifier;
 use crate::specialise::folded_into;
@@ -65,6 +67,10 @@ fn at_nothing(inputs: &[Input]) -> Vec<Varying> {
     inputs.iter().map(varying).collect()
 }
 
+/// An exponential function that has fallen below this part of its value at rest is evaluated as written: value and
+/// change cancel.
+const FALLEN: f64 = 0.125;
+
 /// A function of inputs that are 0 at rest, near rest, in a graph that is given; and whether it is 0 there itself.
 /// Of all other inputs nothing is known. The function as it was where it is no number at rest.
 pub(crate) fn near_of_vanishing(
@@ -82,7 +88,18 @@ pub(crate) fn near_of_vanishing(
         return Ok((node, false));
     }
     let vanishes = near.value.is_nothing();
-    Ok((expander.total(&near)?, vanishes))
+    let total = expander.total(&near)?;
+    let needed = source.reachable(&[root]);
+    let mut nodes = source.nodes().filter(|(id, _)| needed[id.0 as usize]);
+    let is_exponential = nodes.any(|(_, node)| matches!(node, Node::Unary(Function::Exp, _)));
+    if vanishes || near.is_constant() || !is_exponential {
+        return Ok((total, vanishes));
+    }
+    let (written, fallen) = (place[root.0 as usize], FALLEN * near.value.value.to_f64().abs());
+    let size = graph.unary(Function::Abs, written)?;
+    let bound = graph.number(fallen)?;
+    let has_fallen = graph.make(Node::Compare(Comparison::Less, size, bound))?;
+    Ok((graph.make(Node::Select(has_fallen, written, total))?, false))
 }
 
 /// A factor that depends on fields alone, 1 where there is none, and a term without fields.

@@ -6,7 +6,7 @@
 use piola_mechanics::deformation::Discretisation;
 use piola_solvers::linear::{Choice, LinearMethod, OPERATIONS_PER_BLOCK};
 
-use super::time::LU_WORK;
+use super::time::{LU_WORK, Passes};
 use super::{Extent, FactorEstimate, MemoryItem, Pace, TimeEstimate};
 
 /// Iterations of conjugate gradients to 1e-10 with the factor of the springs: 16 to 52 for bars.
@@ -157,12 +157,11 @@ pub(super) fn terms(
     Some(MemoryItem { item: "terms of the sum", bytes: (blocks + columns) as u64 })
 }
 
-/// Of energies of families, with interactions whose energies, forces and tangents take so many seconds
-/// on one core: so do products with their tangents.
+/// Of energies of families, with the passes over interactions beside.
 pub(super) fn time(
     all: &[Families],
     extent: &Extent,
-    (bonds, interactions): (f64, f64),
+    (bonds, passes): (f64, Passes),
     (blocks, factor): (f64, FactorEstimate),
     linear: &Choice,
     pace: Pace,
@@ -171,9 +170,8 @@ pub(super) fn time(
         all.iter().map(|families| of(&families.seconds(extent.dimension))).sum::<f64>()
     };
     let whole = |seconds: f64| seconds * bonds / pace.speed();
-    let others = interactions / pace.speed();
-    let forces = whole(sum(|per_bond| per_bond.forces)) + others;
-    let product = whole(sum(|per_bond| per_bond.product)) + others;
+    let forces = whole(sum(|per_bond| per_bond.forces)) + passes.assembly() / pace.speed();
+    let product = whole(sum(|per_bond| per_bond.product)) + passes.product() / pace.speed();
     let once = forces + whole(sum(|per_bond| per_bond.once));
     let factorisation = pace.factorisation(factor, extent.dimension);
     // A point has twice as many bonds as there are for each.

@@ -6,10 +6,12 @@ use serde::Serialize;
 use super::{FactorEstimate, InteractionCount, matrix_bytes};
 use crate::machine::Machine;
 
-/// Assembling the energy, gradient and tangent of one interaction on one core, in s.
-const BOND_SECONDS: f64 = 10e-9;
-const TRIANGLE_SECONDS: f64 = 55e-9;
-const TETRAHEDRON_SECONDS: f64 = 50e-9;
+/// Assembling the energy, gradient and tangent of one bond, triangle or tetrahedron on one core, in s: in batches
+/// through kernels, and without them.
+const ASSEMBLY_SECONDS: [[f64; 2]; 3] = [[10e-9, 10e-9], [55e-9, 38e-9], [50e-9, 24e-9]];
+
+/// A product with the tangent that is not stored, the same way.
+const PRODUCT_SECONDS: [[f64; 2]; 3] = [[20e-9, 4e-9], [40e-9, 11e-9], [150e-9, 7e-9]];
 
 /// Finding one bond and placing its block in the matrix, in s.
 const BOND_SETUP_SECONDS: f64 = 150e-9;
@@ -37,9 +39,6 @@ const CG_ITERATIONS: f64 = 20.0;
 /// incompressible cube. The coarse system takes half as long as a product with the matrix.
 const TWO_LEVEL_ITERATIONS: f64 = 50.0;
 const COARSE_TIME: f64 = 0.5;
-
-/// A product of one bond along the rows of a lattice or in fours, which needs no matrix, on one core, in s.
-const QUICK_PRODUCT_SECONDS: f64 = 4e-9;
 
 /// Newton iterations that an increment usually takes.
 const NEWTON_ITERATIONS: f64 = 5.0;
@@ -146,28 +145,62 @@ pub struct ChangeOver {
     pub seconds: f64,
 }
 
-/// Assembling energies, forces and tangents once on one core, in s; `energies` counts those of bonds,
-/// triangles and tetrahedra.
-pub(super) fn interaction_seconds(interactions: &InteractionCount, energies: [usize; 3]) -> f64 {
-    let counts = [interactions.bonds, interactions.triangles, interactions.tetrahedra];
-    let seconds = [BOND_SECONDS, TRIANGLE_SECONDS, TETRAHEDRON_SECONDS];
-    let kinds = counts.into_iter().zip(energies).zip(seconds);
-    kinds.map(|((count, energies), seconds)| count as f64 * energies as f64 * seconds).sum()
+/// The passes over bonds, triangles and tetrahedra.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Passes {
+    counts: [u64; 3],
+    /// How many energies of each there are.
+    energies: [usize; 3],
+    /// Whether they need no kernels: see [`super::PlanInput::without_kernels`].
+    without_kernels: [bool; 3],
+}
+
+impl Passes {
+    pub(super) fn new(
+        found: &InteractionCount,
+        energies: [usize; 3],
+        without_kernels: [bool; 3],
+    ) -> Passes {
+        let counts = [found.bonds, found.triangles, found.tetrahedra];
+        Passes { counts, energies, without_kernels }
+    }
+
+    /// Energies, forces and tangents once on one core, in s.
+    pub(super) fn assembly(self) -> f64 {
+        self.seconds(ASSEMBLY_SECONDS)
+    }
+
+    /// A product with the tangent that is not stored on one core, in s.
+    pub(super) fn product(self) -> f64 {
+        self.seconds(PRODUCT_SECONDS)
+    }
+
+    /// Whether products take less than those with a stored tangent: of bonds alone, without kernels.
+    fn are_quick(self) -> bool {
+        self.without_kernels[0] && self.energies[1..] == [0; 2]
+    }
+
+    fn seconds(self, of_one: [[f64; 2]; 3]) -> f64 {
+        let of_kind = |kind: usize| {
+            let seconds = of_one[kind][usize::from(self.without_kernels[kind])];
+            self.counts[kind] as f64 * self.energies[kind] as f64 * seconds
+        };
+        (0..3).map(of_kind).sum()
+    }
 }
 
 impl TimeEstimate {
-    /// `energies` counts those of bonds, triangles and tetrahedra. `horizons` that fit into the body's longest side decide how conjugate gradients converge;
-    /// `None` with two levels, where they do not.
+    /// `horizons` that fit into the body's longest side decide how conjugate gradients converge; `None` with two
+    /// levels, where they do not.
     pub(super) fn new(
-        (interactions, energies): (&InteractionCount, [usize; 3]),
-        (dimension, blocks, quick_products): (usize, f64, bool),
+        passes: Passes,
+        (dimension, blocks): (usize, f64),
         linear: &Choice,
         factor: FactorEstimate,
         horizons: Option<f64>,
         pace: Pace,
     ) -> TimeEstimate {
-        let bonds = interactions.bonds as f64;
-        let assembly = interaction_seconds(interactions, energies) / pace.speed();
+        let assembly = passes.assembly() / pace.speed();
         let iterations =
             horizons.map(|horizons| CG_ITERATIONS + CG_ITERATIONS_PER_HORIZON * horizons);
         let linear = match linear.method {
@@ -176,9 +209,8 @@ impl TimeEstimate {
             _ => {
                 let matrix = matrix_bytes(dimension, blocks).0 / (MATRIX_SHARE * pace.bandwidth);
                 let product = match linear.stores_matrix {
-                    _ if quick_products => bonds * QUICK_PRODUCT_SECONDS / pace.speed(),
-                    true => matrix,
-                    false => assembly,
+                    true if !passes.are_quick() => matrix,
+                    _ => passes.product() / pace.speed(),
                 };
                 let coarse = if linear.stores_matrix { COARSE_TIME * matrix } else { 0.0 };
                 match iterations {
@@ -187,7 +219,7 @@ impl TimeEstimate {
                 }
             }
         };
-        let setup = bonds * BOND_SETUP_SECONDS;
+        let setup = passes.counts[0] as f64 * BOND_SETUP_SECONDS;
         TimeEstimate::per_iteration(setup, assembly, linear)
     }
 

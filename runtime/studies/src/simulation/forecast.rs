@@ -100,13 +100,14 @@ impl Case {
             Some(shape) => self.outline_of_box(shape, needed),
             None => self.outline_of_points(needed)?,
         };
+        let without_kernels = self.without_kernels(&compiled, extent.is_lattice);
         let plan = Plan::new(PlanInput {
             scene: &self.scene,
             extent,
             interactions,
             kernels: self.kernel_notes(&compiled),
             energies: costs(&compiled),
-            quick_products: self.multiplies_without_kernels(&compiled),
+            without_kernels,
             breaks: self.can_break(),
             breaks_cliques: self.can_break_cliques(),
             states: self.n_states_of(),
@@ -121,17 +122,26 @@ impl Case {
         Ok((plan, compiled))
     }
 
-    /// Whether the tangent is that of affine bonds of one potential, and of nothing else: along the rows of a
-    /// lattice or in fours.
-    fn multiplies_without_kernels(&self, compiled: &[Compiled]) -> bool {
-        let [all] = compiled else { return false };
-        let alone =
-            all.measures == [Measure::Length] && all.gradient.is_none() && !self.changes_in_time();
+    /// Of which passes need no kernels; see [`PlanInput::without_kernels`].
+    fn without_kernels(&self, compiled: &[Compiled], is_lattice: bool) -> [bool; 3] {
         let by_direction = self.potentials.iter().all(Potential::varies_by_direction_alone);
-        let bond = all.elements.bond.as_ref();
-        let is_affine = bond.is_some_and(|bond| bond.has_affine_law(by_direction));
+        let all_are = |pick: fn(&Elements) -> Option<&dyn Element>| {
+            let mut own = compiled.iter().filter_map(|one| pick(&one.elements));
+            own.all(|element| element.has_affine_law(by_direction))
+        };
+        // Volumes that may not change their sign are looked at in batches.
+        let may_invert = |one: &Compiled| {
+            one.elements.tetrahedron.as_ref().is_none_or(|own| !own.forbids_inversion())
+        };
+        let [bonds, triangles, tetrahedra] = [
+            all_are(|elements| elements.bond.as_deref()),
+            is_lattice && all_are(|elements| elements.triangle.as_deref()),
+            is_lattice
+                && all_are(|elements| elements.tetrahedron.as_deref())
+                && compiled.iter().all(may_invert),
+        ];
         let is_exact = self.scene.solver.products == Products::Exact;
-        is_exact && alone && !all.gathers() && is_affine
+        [bonds, triangles, tetrahedra].map(|are| are && is_exact && !self.changes_in_time())
     }
 
     fn outline_of_box(&self, shape: &LatticeShape, needed: Needed) -> Outline {

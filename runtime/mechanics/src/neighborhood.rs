@@ -14,6 +14,7 @@ use rayon::prelude::*;
 
 use crate::body::Body;
 pub(crate) use gaps::Gaps;
+pub(crate) use row::PlaceOfStep;
 use row::Span;
 pub use row::{Others, Row};
 use search::{CellList, Rows};

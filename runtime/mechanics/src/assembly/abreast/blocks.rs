@@ -23,7 +23,7 @@ use crate::geometry::lanes::Lanes;
 use crate::geometry::{cross, dot, each};
 use crate::interaction::Bits;
 use crate::interaction::runs::Runs;
-use crate::neighborhood::Neighborhood;
+use crate::neighborhood::{Neighborhood, PlaceOfStep};
 
 /// What tangents need of the tetrahedra of a lattice body.
 pub(super) struct Edges {
@@ -233,9 +233,10 @@ impl<S: Simd> OnEdges<'_, S> {
             true => (a, b, [0, 1, 2, 3, 4, 5, 6, 7, 8]),
             false => (b, a, [0, 3, 6, 1, 4, 7, 2, 5, 8]),
         };
+        let mut step = PlaceOfStep::default();
         for lane in (0..WIDEST).filter(|lane| owners >> lane & 1 == 1) {
             let [low, high] = [low, high].map(|point| (point + lane as isize) as usize);
-            let place = self.neighborhood.upper(low).before(high as u32);
+            let place = step.before(self.neighborhood.upper(low), high as u32);
             let to = rows.blocks::<3>(low, 1 + place, 1);
             for (to, part) in to.iter_mut().zip(order) {
                 *to += block[part][lane];

@@ -32,7 +32,7 @@ use crate::geometry::lanes::Lanes;
 use crate::geometry::{Scalar, cross, dot, each};
 use crate::interaction::Slabs;
 use crate::interaction::runs::Directed;
-use crate::neighborhood::Neighborhood;
+use crate::neighborhood::{Neighborhood, PlaceOfStep};
 
 /// Most triangles on all bonds of a point, 64 MiB of them: a horizon of six spacings has 0.2 million, one of
 /// seven 0.5.
@@ -292,10 +292,11 @@ impl<S: Simd, const D: usize> OfPoints<'_, S, D> {
     /// Adds the block of a bond, and takes it off the own blocks of its other ends.
     #[inline(always)]
     fn write(&self, bond: &Beside<D>, block: &[[Eight; D]; D], rows: &mut Rows<'_>) {
+        let mut step = PlaceOfStep::default();
         for lane in (0..WIDEST).filter(|lane| bond.owners >> lane & 1 == 1) {
             let (point, other) = (self.group.first + lane, (bond.other + lane as isize) as usize);
             if rows.has_couplings() {
-                let place = self.neighborhood.upper(point).before(other as u32);
+                let place = step.before(self.neighborhood.upper(point), other as u32);
                 let coupling = each(|r| each(|c| block[r][c][lane]));
                 rows.add_block::<D>(point, 1 + place, &coupling);
             }

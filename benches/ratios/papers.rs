@@ -58,7 +58,7 @@ fn compare(table: &mut Table) {
         let each = ours.least() / (report.bonds + report.tetrahedra) as f64;
         let (ours, theirs) = (each * per_point * 1e3, theirs.least() * 1e3);
         let (of, bar) = (Statistic::Least(ROUNDS), Bar::AtLeast(900.0, 2000.0));
-        table.ratio(&format!("C1 + C3, horizon 3, {side}^3 points"), [ours, theirs], of, bar);
+        table.ratio(format!("C1 + C3, horizon 3, {side}^3 points"), [ours, theirs], of, bar);
     }
 }
 

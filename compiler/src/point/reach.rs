@@ -27,7 +27,7 @@ const TRIED: [f64; 2] = [0.99 * NEAR, NEAR / 4.0];
 const LOOKED_AT: usize = 3;
 
 /// How often the range is halved until nothing is left of it.
-const HALVINGS: i32 = 10;
+const HALVINGS: usize = 10;
 
 /// An error of the form near rest counts from here on, in parts, and if it is so many times that of the other.
 const LOST: f64 = 1e-12;
@@ -40,10 +40,10 @@ struct Tried<'a> {
     fields: Vec<f64>,
 }
 
-/// Largest `|F - I|` of components up to which the form near rest is to be taken.
+/// Below which `max |F - I|` the form near rest is to be taken.
 ///
 /// # Errors
-/// None: forms are interpreted.
+/// As [`GradientKernel::new`].
 pub(super) fn reach(
     forms: &GradientEnergyForms,
     written: &WrittenGradientEnergy,
@@ -60,12 +60,12 @@ pub(super) fn reach(
     if differing.is_empty() {
         return Ok(NEAR);
     }
-    let mut reach = NEAR;
+    let (mut reach, mut size) = (NEAR, NEAR);
     for k in 0..=HALVINGS {
-        let size = 0.99 * NEAR * 0.5_f64.powi(k);
-        let samples: Vec<Sample> = differing.iter().map(|one| scaled(one, size)).collect();
+        let samples: Vec<Sample> = differing.iter().map(|one| scaled(one, 0.99 * size)).collect();
+        size *= 0.5;
         if tried.near_is_worse(&samples) {
-            reach = if k == HALVINGS { 0.0 } else { NEAR * 0.5_f64.powi(k + 1) };
+            reach = if k == HALVINGS { 0.0 } else { size };
         }
     }
     Ok(reach)

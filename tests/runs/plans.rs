@@ -199,13 +199,19 @@ fn messages_are_short_and_no_text_commands_the_terminal() {
     assert!(outcome.code == 0 || outcome.stderr.contains("error"), "{outcome:?}");
 }
 
-/// Triangles of a lattice with an affine law go along its rows, with tables; at the strict level nothing does.
+/// Triangles of a lattice with an affine law go along its rows, with tables; at the strict level and where batches are
+/// asked for nothing does, and bonds alone have none.
 #[test]
 fn a_plan_knows_what_goes_along_rows() {
-    let scene = "examples/cube_C1_C2/scene.toml";
-    let strict: &[&str] = &["--set", "solver.level=strict"];
-    for (settings, has_tables) in [(&[][..], true), (strict, false)] {
-        let arguments = [&["plan", scene, "--format", "json"], settings].concat();
+    let [both, bonds] = ["cube_C1_C2", "cube_C1"];
+    for (scene, setting, has_tables) in [
+        (both, "solver.level=fast", true),
+        (both, "solver.level=strict", false),
+        (both, "solver.passes=batches", false),
+        (bonds, "solver.level=fast", false),
+    ] {
+        let scene = format!("examples/{scene}/scene.toml");
+        let arguments = ["plan", &scene, "--format", "json", "--set", setting];
         let plan = piola(&arguments).expect(0).json();
         let items = plan["memory"].as_array().unwrap();
         let is_there = items.iter().any(|item| item["item"] == "tables of cliques");

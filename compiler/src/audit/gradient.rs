@@ -140,8 +140,8 @@ fn turned(d: usize, strain: f64, k: usize, random: &mut Random) -> Sample {
     Sample::of_gradient(gradient, random)
 }
 
-/// The largest component of `F - I` is where kernels change from one form to the other, or one
-/// rounding below or above it.
+/// The largest component of `F - I` is where kernels of functions that are not steep at rest change from one form to
+/// the other, or one rounding below or above it.
 fn guard(d: usize, k: usize, random: &mut Random) -> Sample {
     let mut change = sample::tensor(d * d, 0.9 * NEAR, random);
     change[k % (d * d)] = [NEAR.next_down(), NEAR, NEAR.next_up()][k % 3];

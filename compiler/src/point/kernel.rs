@@ -137,10 +137,8 @@ impl GradientKernel {
             }
             _ => {
                 let (has_near, has_roots) = (forms.near.is_some(), forms.has_roots);
-                let reaches = forms.reach == NEAR;
                 let mut made = GradientKernel::new(forms, mode)?;
-                made.turns_back =
-                    has_near && reaches && turned::is_blind(&written(), values.dimension);
+                made.turns_back = has_near && turned::is_blind(&written(), values.dimension);
                 made.turns_products = made.turns_back && has_roots;
                 made
             }
@@ -260,7 +258,8 @@ impl GradientKernel {
                 self.block(near, (given, fields), &mut axes, targets, &evaluate);
                 continue;
             }
-            let back = back.get_or_insert_with(|| Box::new(TurnedBack::new(self.dimension)));
+            let back =
+                back.get_or_insert_with(|| Box::new(TurnedBack::new(self.dimension, self.reach)));
             back.take(at, start, marks, direction);
             near.iter_mut().zip(back.marked()).for_each(|(near, mark)| *near |= mark);
             let mut room = [&[][..]; 3 * MOST];
@@ -372,7 +371,7 @@ impl WrittenGradientEnergy {
     }
 
     /// The same with the values of fields, by their places among them; else they have typical ones.
-    fn psi_with<N: Principal>(
+    pub(super) fn psi_with<N: Principal>(
         &self,
         component: impl Fn(u8) -> N,
         field: Option<&impl Fn(usize) -> f64>,

@@ -26,8 +26,8 @@ const TRIED: [f64; 2] = [0.99 * NEAR, NEAR / 4.0];
 /// Of these so many are looked at again, where the forms differ most.
 const LOOKED_AT: usize = 3;
 
-/// How often the range is halved until nothing is left of it.
-const HALVINGS: usize = 10;
+/// How often the range is halved at most.
+const HALVINGS: usize = 40;
 
 /// An error of the form near rest counts from here on, in parts, and if it is so many times that of the other.
 const LOST: f64 = 1e-12;
@@ -40,7 +40,8 @@ struct Tried<'a> {
     fields: Vec<f64>,
 }
 
-/// Below which `max |F - I|` the form near rest is to be taken.
+/// Below which `max |F - I|` the form near rest is to be taken: of functions of fields at their typical values, and
+/// where some of these are 0, as states often are that nothing has changed yet, with 1 in their place, too.
 ///
 /// # Errors
 /// As [`GradientKernel::new`].
@@ -53,20 +54,14 @@ pub(super) fn reach(
         return Ok(NEAR);
     }
     let n_fields = forms.far.n_fields();
-    let fields = values.typical().map(|(_, value)| value).take(n_fields).collect();
+    let fields: Vec<f64> = values.typical().map(|(_, value)| value).take(n_fields).collect();
+    let directions = directions(forms.dimension);
     let kernel = GradientKernel::new(forms.clone(), Mode::Interpreter)?;
     let mut tried = Tried { kernel, written, fields };
-    let differing = tried.differing(&directions(forms.dimension));
-    if differing.is_empty() {
-        return Ok(NEAR);
-    }
-    let (mut reach, mut size) = (NEAR, NEAR);
-    for k in 0..=HALVINGS {
-        let samples: Vec<Sample> = differing.iter().map(|one| scaled(one, 0.99 * size)).collect();
-        size *= 0.5;
-        if tried.near_is_worse(&samples) {
-            reach = if k == HALVINGS { 0.0 } else { size };
-        }
+    let mut reach = tried.reach(&directions);
+    if tried.fields.contains(&0.0) {
+        tried.fields.iter_mut().filter(|x| **x == 0.0).for_each(|x| *x = 1.0);
+        reach = reach.min(tried.reach(&directions));
     }
     Ok(reach)
 }
@@ -98,22 +93,37 @@ fn scaled(sample: &Sample, size: f64) -> Sample {
 }
 
 impl Tried<'_> {
+    fn reach(&mut self, directions: &[Sample]) -> f64 {
+        let differing = self.differing(directions);
+        let (mut reach, mut size) = (NEAR, NEAR);
+        for _ in 0..HALVINGS {
+            let samples: Vec<Sample> =
+                differing.iter().map(|one| scaled(one, 0.99 * size)).collect();
+            let is_worse = self.near_is_worse(&samples);
+            size *= 0.5;
+            if is_worse {
+                reach = size;
+            } else if reach < NEAR {
+                break;
+            }
+        }
+        reach
+    }
+
     /// The directions in which both forms differ, most of all first.
     fn differing(&mut self, directions: &[Sample]) -> Vec<Sample> {
-        let mut found: Vec<(f64, &Sample)> = Vec::new();
+        let mut found = vec![0.0_f64; directions.len()];
         for size in TRIED {
             let samples: Vec<Sample> = directions.iter().map(|one| scaled(one, size)).collect();
             let [near, far] = [true, false].map(|near| self.evaluate(&samples, near));
-            for ((near, far), sample) in near.iter().zip(&far).zip(directions) {
-                let n_components = sample.change.len();
-                let differences = parts(n_components)
-                    .map(|part| difference(&near[part.clone()], &far[part.clone()]));
-                let most = differences.into_iter().fold(0.0, f64::max);
-                if most > ALIKE {
-                    found.push((most, sample));
+            for ((near, far), most) in near.iter().zip(&far).zip(&mut found) {
+                for part in parts(directions[0].change.len()) {
+                    *most = most.max(difference(&near[part.clone()], &far[part]));
                 }
             }
         }
+        let mut found: Vec<(f64, &Sample)> = found.into_iter().zip(directions).collect();
+        found.retain(|(most, _)| *most > ALIKE);
         found.sort_by(|(x, _), (y, _)| y.total_cmp(x));
         found.into_iter().take(LOOKED_AT).map(|(_, sample)| sample.clone()).collect()
     }
@@ -141,11 +151,14 @@ impl Tried<'_> {
     /// psi and its derivatives along the direction, rounded once; no numbers where there are none.
     fn truth(&self, sample: &Sample) -> [f64; 3] {
         let components = graph::components(self.kernel.dimension());
-        let psi: Precise<256> = self.written.psi(|c| {
+        let component = |c: u8| {
             let j = components.iter().position(|known| *known == c).unwrap_or(0);
             let at_rest = f64::from(u8::from(c.is_multiple_of(4)));
             Precise::line(sample.change[j], sample.direction[j], at_rest)
-        });
+        };
+        let field = |k: usize| self.fields[k];
+        let field = (!self.fields.is_empty()).then_some(&field);
+        let psi: Precise<256> = self.written.psi_with(component, field);
         psi.rounded()
     }
 
@@ -211,6 +224,18 @@ mod tests {
         }
     }
 
+    /// States that are 0 as they begin, and the time step, hide nothing.
+    #[test]
+    fn fields_that_are_nothing_are_tried_as_one() {
+        let text = "potential p\nstate k = 0\nallow \"not-objective\"\npsi(F) = exp(-k)*(E : E)\n\
+                    update k = k + dt*exp(-300*(F : F - 2))";
+        let model = model(text);
+        let values = values(&model, 2, &[]);
+        for function in model.gradient_functions(2, Some(&values)).unwrap() {
+            assert!(function.forms.reach < 0.02, "{}", function.forms.reach);
+        }
+    }
+
     /// A steep function is as exact as it is written, and so are its derivatives, from the distance on where it is
     /// a small part of its value at rest.
     #[test]
@@ -220,6 +245,7 @@ mod tests {
             ("exp(-300*tr(E)) + 300*tr(E)", NEAR),
             ("1/exp(60*(J - 1))", 0.2),
             ("exp(-50*tr(ln(U)))", 0.25),
+            ("(tr(C) - 3 - 2*ln(J))*exp(-1e5*(J - 1)^2)", 0.02),
         ] {
             for d in [2, 3] {
                 let reach = forms(energy, d).reach;

@@ -38,7 +38,7 @@ impl Sample {
         }
     }
 
-    /// Whether kernels take `F - I` here, and it is what is given.
+    /// Whether `F - I` is what is given, and kernels take it here, but for functions that are steep at rest.
     pub(crate) fn is_near(&self) -> bool {
         self.change.iter().all(|h| h.abs() < NEAR)
     }

@@ -36,6 +36,8 @@ type Tensors = [Component; MOST];
 /// Places of a block of which some are turned back.
 pub(super) struct TurnedBack {
     dimension: usize,
+    /// Where the form near rest is evaluated.
+    reach: f64,
     n: usize,
     marked: [bool; BLOCK],
     /// `F - I` as it was.
@@ -62,10 +64,10 @@ pub(super) fn mark(
 
 impl TurnedBack {
     /// Room for blocks, which [`TurnedBack::take`] fills.
-    pub(super) fn new(dimension: usize) -> TurnedBack {
+    pub(super) fn new(dimension: usize, reach: f64) -> TurnedBack {
         let [given, rotations, gradient, change, direction] = [[[0.0; BLOCK]; MOST]; 5];
         let (n, marked) = (0, [false; BLOCK]);
-        TurnedBack { dimension, n, marked, given, rotations, gradient, change, direction }
+        TurnedBack { dimension, reach, n, marked, given, rotations, gradient, change, direction }
     }
 
     /// Takes the places of a block, from `start` on, with a direction or without, and turns those back that are marked.
@@ -112,7 +114,7 @@ impl TurnedBack {
     fn leave_mirrors(&mut self, at: GradientBatch<'_>, start: usize) {
         let n_components = self.dimension * self.dimension;
         for p in 0..self.n {
-            if !self.marked[p] || (0..n_components).all(|k| self.change[k][p].abs() < NEAR) {
+            if !self.marked[p] || (0..n_components).all(|k| self.change[k][p].abs() < self.reach) {
                 continue;
             }
             self.marked[p] = false;

@@ -524,21 +524,31 @@ impl Stored {
     }
 }
 
-/// Memory of the parts of a run.
-/// What triangles and tetrahedra along the rows of a lattice need: those of one point with their laws, where they
-/// are added up and once more, three times each, where tangents are; and each bond of points abreast.
+/// A triangle in a table, a tetrahedron, and what a bond of points abreast takes, in bytes.
+const TABLED_TRIANGLE: u64 = 64;
+const TABLED_TETRAHEDRON: u64 = 8;
+const TABLED_BOND: u64 = 4;
+
+/// Tables of triangles and tetrahedra that go along the rows of a lattice: those of one point once for forces and
+/// three times for tangents; for tangents of triangles all bonds of points abreast.
 fn tables(
     extent: &Extent,
     interactions: &InteractionCount,
     [_, triangles, tetrahedra]: [bool; 3],
 ) -> Option<MemoryItem> {
     let of_a_point = |n: u64, bytes: u64| 4 * bytes * n / extent.points.max(1) as u64;
-    let of_triangles = of_a_point(interactions.triangles, 64) + 4 * interactions.bonds;
-    let of_tetrahedra = of_a_point(interactions.tetrahedra, 8);
-    let bytes = of_triangles * u64::from(triangles) + of_tetrahedra * u64::from(tetrahedra);
+    let mut bytes = 0;
+    if triangles && interactions.triangles > 0 {
+        bytes += of_a_point(interactions.triangles, TABLED_TRIANGLE);
+        bytes += TABLED_BOND * interactions.bonds;
+    }
+    if tetrahedra {
+        bytes += of_a_point(interactions.tetrahedra, TABLED_TETRAHEDRON);
+    }
     (bytes > 0).then_some(MemoryItem { item: "tables of cliques", bytes })
 }
 
+/// Memory of the parts of a run.
 fn memory(
     extent: &Extent,
     interactions: &InteractionCount,

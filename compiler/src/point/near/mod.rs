@@ -7,7 +7,7 @@
 //! (`mu*(H:H/2 - I2(H) - det(H) + x - ln(1 + x))`, x = J - 1, for the neo-Hookean one).
 //!
 //! Before: the simplified graph in `F`, with all digits of its numbers. After: the energy as a graph in `H`, right up to
-//! `max |H| = 0.25`, or nothing where it has no value at rest.
+//! `max |H| = 0.25` where it is not steep ([`super::reach`]), or nothing where it has no value at rest.
 
 mod functions;
 mod terms;

@@ -67,8 +67,8 @@ fn at_nothing(inputs: &[Input]) -> Vec<Varying> {
     inputs.iter().map(varying).collect()
 }
 
-/// An exponential function that has fallen below this part of its value at rest is evaluated as written: value and
-/// change cancel.
+/// A function with an exponential, but no sum, that has fallen below this part of its value at rest is evaluated as
+/// written: value and change cancel.
 const FALLEN: f64 = 0.125;
 
 /// A function of inputs that are 0 at rest, near rest, in a graph that is given; and whether it is 0 there itself.
@@ -92,7 +92,8 @@ pub(crate) fn near_of_vanishing(
     let needed = source.reachable(&[root]);
     let mut nodes = source.nodes().filter(|(id, _)| needed[id.0 as usize]);
     let is_exponential = nodes.any(|(_, node)| matches!(node, Node::Unary(Function::Exp, _)));
-    if vanishes || near.is_constant() || !is_exponential {
+    let is_sum = matches!(source[root], Node::Binary(Operator::Add | Operator::Subtract, ..));
+    if vanishes || near.is_constant() || is_sum || !is_exponential {
         return Ok((total, vanishes));
     }
     let (written, fallen) = (place[root.0 as usize], FALLEN * near.value.value.to_f64().abs());

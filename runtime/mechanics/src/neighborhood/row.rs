@@ -123,19 +123,22 @@ impl<'a> IntoIterator for Row<'a> {
     }
 }
 
-/// The place of one step in the rows of one point after the other. Most points of a lattice share their steps with the
-/// point before, and a place is looked for where they do not.
-#[derive(Clone, Copy, Debug, Default)]
+/// The place of one step in the rows of several points. Most points of a lattice share their steps with those beside
+/// them, and a place is looked for where they do not.
+#[derive(Default)]
 pub(crate) struct PlaceOfStep<'a> {
     last: Option<(&'a [u32], usize)>,
 }
 
 impl<'a> PlaceOfStep<'a> {
-    /// How many come before a point that is as far from that of the row as all others were from theirs.
+    /// How many come before a point. All calls are for points as far from that of their row: the step.
     #[inline(always)]
     pub(crate) fn before(&mut self, row: Row<'a>, point: u32) -> usize {
         match self.last {
-            Some((steps, place)) if std::ptr::eq(steps, row.steps) => place,
+            Some((steps, place)) if std::ptr::eq(steps, row.steps) => {
+                debug_assert_eq!(place, row.before(point));
+                place
+            }
             _ => {
                 let place = row.before(point);
                 self.last = Some((row.steps, place));

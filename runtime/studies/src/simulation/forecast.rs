@@ -25,7 +25,7 @@ use crate::plan::{
     available_memory, count_in_box, count_interactions, estimate_interactions, families,
 };
 use crate::scene::boundary::BoundaryConditions;
-use crate::scene::{LatticeShape, Points, Scene};
+use crate::scene::{LatticeShape, Passes, Points, Scene};
 
 /// Boxes of more points than this are not filled for a plan.
 const FILLED: f64 = 4e5;
@@ -125,23 +125,23 @@ impl Case {
     /// Of which passes need no kernels; see [`PlanInput::without_kernels`].
     fn without_kernels(&self, compiled: &[Compiled], is_lattice: bool) -> [bool; 3] {
         let by_direction = self.potentials.iter().all(Potential::varies_by_direction_alone);
-        let all_are = |pick: fn(&Elements) -> Option<&dyn Element>| {
-            let mut own = compiled.iter().filter_map(|one| pick(&one.elements));
-            own.all(|element| element.has_affine_law(by_direction))
+        // A measure that may not change its sign is looked at in batches.
+        let goes_so = |element: &dyn Element| {
+            let may_invert = element.measure() == Measure::Length || !element.forbids_inversion();
+            element.has_affine_law(by_direction) && may_invert
         };
-        // Volumes that may not change their sign are looked at in batches.
-        let may_invert = |one: &Compiled| {
-            one.elements.tetrahedron.as_ref().is_none_or(|own| !own.forbids_inversion())
+        let all_do = |pick: fn(&Elements) -> Option<&dyn Element>| {
+            compiled.iter().filter_map(|one| pick(&one.elements)).all(goes_so)
         };
-        let [bonds, triangles, tetrahedra] = [
-            all_are(|elements| elements.bond.as_deref()),
-            is_lattice && all_are(|elements| elements.triangle.as_deref()),
-            is_lattice
-                && all_are(|elements| elements.tetrahedron.as_deref())
-                && compiled.iter().all(may_invert),
-        ];
-        let is_exact = self.scene.solver.products == Products::Exact;
-        [bonds, triangles, tetrahedra].map(|are| are && is_exact && !self.changes_in_time())
+        let solver = &self.scene.solver;
+        let may = solver.passes == Passes::Auto
+            && solver.products == Products::Exact
+            && !self.changes_in_time();
+        [
+            may && all_do(|elements| elements.bond.as_deref()),
+            may && is_lattice && all_do(|elements| elements.triangle.as_deref()),
+            may && is_lattice && all_do(|elements| elements.tetrahedron.as_deref()),
+        ]
     }
 
     fn outline_of_box(&self, shape: &LatticeShape, needed: Needed) -> Outline {

@@ -127,7 +127,14 @@ pub(crate) fn run() -> Vec<Table> {
         Division::TheirsByOurs,
     );
     for Row { name, ours, by_hand, by_numbers } in rows {
-        plain.ratio(name, [ours, by_hand], Statistic::Least(ROUNDS), Bar::None);
+        let bar = match name {
+            "CC, forces" | "CC, product" => Bar::AtMost(1.1, 0.8),
+            "BAQP, forces" | "BAQP, product" => Bar::AtMost(1.3, 1.0),
+            "LPS, forces" => Bar::AtMost(1.1, 0.8),
+            "LPS, first product" => Bar::AtMost(1.3, 1.0),
+            _ => Bar::None,
+        };
+        plain.ratio(name, [ours, by_hand], Statistic::Least(ROUNDS), bar);
         numbers.ratio(name, [ours, by_numbers], Statistic::Least(ROUNDS), Bar::None);
     }
     vec![plain, numbers]

@@ -193,7 +193,7 @@ pub(crate) fn against_foreign() -> Vec<Table> {
         let best = fast.iter().min_by(|p, q| p.1[number].total_cmp(&q.1[number]));
         if let Some((program, theirs)) = best {
             let name = format!("{}, {}", case.name, program.name);
-            best_of_all.ratio(name, [ours[number], theirs[number]], of, Bar::AtMost(1.0, 0.8));
+            best_of_all.ratio(name, [ours[number], theirs[number]], of, Bar::AtMost(1.2, 1.0));
         }
     }
     let how = format!(

@@ -44,7 +44,8 @@ fn compare(table: &mut Table, threads: usize) {
     let bandwidth = 24.0 * TRIAD as f64 / theirs.least();
     let (ours, bound) = (ours.least() * 1e3, bytes / bandwidth * 1e3);
     let what = format!("{threads} thread(s), {:.1} GB/s", bandwidth * 1e-9);
-    table.ratio(what, [ours, bound], Statistic::Least(ROUNDS), Bar::AtMost(3.0, 1.5));
+    let bar = if threads == 1 { Bar::AtMost(3.5, 2.5) } else { Bar::AtMost(3.0, 2.0) };
+    table.ratio(what, [ours, bound], Statistic::Least(ROUNDS), bar);
 }
 
 fn triad([a, b, c]: &mut [Vec<f64>; 3], threads: usize) {

@@ -113,12 +113,17 @@ pub(crate) fn cube(n: usize) -> Arc<Body> {
 
 /// A smooth displacement with strains of some percent, the same at every call.
 pub(crate) fn displacement(body: &Body) -> Vec<f64> {
-    let edge = body.positions().iter().fold(0.0, |edge: f64, x| edge.max(*x));
+    displacement_at(body.positions())
+}
+
+/// The same of the points of a body, `n x 3`.
+pub(crate) fn displacement_at(positions: &[f64]) -> Vec<f64> {
+    let edge = positions.iter().fold(0.0, |edge: f64, x| edge.max(*x));
     let field = |x: &[f64]| {
         let [x, y, z] = [x[0], x[1], x[2]].map(|x| x / edge);
         [0.03 * x + 0.02 * y * z, 0.04 * y - 0.03 * x * z, 0.05 * x * y - 0.01 * z]
     };
-    body.positions().chunks_exact(3).flat_map(|x| field(x).map(|u| edge * u)).collect()
+    positions.chunks_exact(3).flat_map(|x| field(x).map(|u| edge * u)).collect()
 }
 
 /// Runs `work` with this many threads for all that is parallel.

@@ -123,6 +123,7 @@ fn what_does_not_fit_a_motion_is_refused_where_it_stands() {
         ("step = 1e-8", "step = \"0 s\"", "out-of-range", "\"0 s\""),
         ("leap-frog", "euler", "unknown-choice", "\"euler\""),
         ("[output]", "[steps]\nend = 1.0\n[output]", "conflicting-keys", "steps"),
+        ("[output]", "[fracture]\nloose = \"stop\"\n[output]", "conflicting-keys", "loose"),
         ("v = [\"0.05", "u = [0, 0]\nv = [\"0.05", "conflicting-keys", "v"),
         ("v = [\"0.05", "a = [0, 0]\nv = [\"0.05", "conflicting-keys", "v"),
         (

@@ -81,7 +81,7 @@ impl Reader {
     }
 
     /// Whether a key stands where it means something, or not at all.
-    fn belongs(&mut self, table: &Table<'_>, key: &str, here: bool, to: &str) -> bool {
+    pub(super) fn belongs(&mut self, table: &Table<'_>, key: &str, here: bool, to: &str) -> bool {
         let Some(entry) = table.get(key).filter(|_| !here) else { return true };
         let message = format!("`{key}` belongs to {to}");
         self.error(Diagnostic::error("conflicting-keys", entry.key_span, message));

@@ -172,14 +172,19 @@ impl Reader {
         Some(Track { name: name?, axis: axis?, threshold, set: set?, thickness })
     }
 
-    /// `[fracture]`.
+    /// `[fracture]`, of a body that moves or of load steps.
     pub(super) fn fracture(
         &mut self,
         entry: Option<&Entry>,
         context: &Context,
+        moves: bool,
     ) -> Option<FractureSettings> {
         let Some(entry) = entry else { return Some(FractureSettings::default()) };
         let table = self.table(&FRACTURE, &entry.node)?;
+        let steps = "load steps: in a motion parts that come loose go their way";
+        if !self.belongs(&table, "loose", !moves, steps) {
+            return None;
+        }
         let loose = self.or(Some(&table), "loose", Loose::default(), Reader::choice);
         let singular = self.or(Some(&table), "singular", Singular::default(), Reader::choice);
         let (loose, singular) = (loose?, singular?);

@@ -234,7 +234,7 @@ impl Reader {
         let initial = self.initial(nodes("initial"), &context);
         let probes = self.probes(nodes("probe"), &context);
         let cracks = self.cracks(nodes("crack"), &context);
-        let fracture = self.fracture(root.get("fracture"), &context);
+        let fracture = self.fracture(root.get("fracture"), &context, root.get("motion").is_some());
         let tracks = self.tracks(nodes("track"), &context);
         let steps = self.steps(steps_table.as_ref());
         let solver = self.solver(solver_table.as_ref());

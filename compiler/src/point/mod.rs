@@ -75,7 +75,7 @@ pub struct GradientEnergyForms {
 
 impl GradientEnergyForms {
     /// Whether the form near rest is evaluated where `F - I` is this, row by row.
-    pub fn is_near(&self, change: &[f64]) -> bool {
+    pub(crate) fn is_near(&self, change: &[f64]) -> bool {
         self.near.is_some() && change.iter().all(|h| h.abs() < self.reach)
     }
 }

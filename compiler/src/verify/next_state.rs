@@ -35,6 +35,11 @@ mod tests {
 
     const MODES: [Mode; 3] = [Mode::Jit(Level::Strict), Mode::Jit(Level::Fast), Mode::Interpreter];
 
+    /// Energies that hold the state `k`.
+    const OF_GRADIENTS: &str = "psi(F) = exp(-k)*(E : E)";
+    const OF_TENSORS: &str = "K = integral(dyad(Xi, Xi))\nH = integral(dyad(xi - Xi, Xi))*inv(K)\n\
+                              psi(H) = exp(-k)*((H + H') : (H + H'))";
+
     /// A potential with a state that becomes this, and more lines.
     fn remembering(next: &str, lines: &str) -> String {
         format!(
@@ -47,16 +52,13 @@ mod tests {
     #[test]
     fn a_next_state_that_cancels_has_lost_its_digits() {
         let bonds = "psi(l) = L*(l/L - 1)^2/(1 + k)";
-        let of_gradients = "psi(F) = exp(-k)*(E : E)";
         let points = "e = integral(l/L - 1)\npsi(e) = exp(-k)*e^2";
-        let tensors = "K = integral(dyad(Xi, Xi))\nH = integral(dyad(xi - Xi, Xi))*inv(K)\n\
-                       psi(H) = exp(-k)*((H + H') : (H + H'))";
         for (x, lines) in [
             ("80*(l/L - 1)", bonds),
-            ("5*(F : F - 2)", of_gradients),
-            ("20*tr(ln(U)^2)", of_gradients),
+            ("5*(F : F - 2)", OF_GRADIENTS),
+            ("20*tr(ln(U)^2)", OF_GRADIENTS),
             ("20*e", points),
-            ("40*tr(H)", tensors),
+            ("40*tr(H)", OF_TENSORS),
         ] {
             let cancels = format!("cosh({x}) - sinh({x})");
             for next in [cancels.clone(), format!("max(k, {cancels})")] {
@@ -77,16 +79,13 @@ mod tests {
     /// Near rest a state is its value there and what it changes by, which cancel where it has fallen steeply.
     #[test]
     fn a_next_state_that_falls_steeply_is_not_wrong() {
-        let of_gradients = "psi(F) = exp(-k)*(E : E)";
-        let tensors = "K = integral(dyad(Xi, Xi))\nH = integral(dyad(xi - Xi, Xi))*inv(K)\n\
-                       psi(H) = exp(-k)*((H + H') : (H + H'))";
         for (next, lines) in [
-            ("exp(-300*(F : F - 2))", of_gradients),
-            ("1/exp(300*(F : F - 2))", of_gradients),
-            ("exp(300*(F : F - 2))/exp(299*(F : F - 2))", of_gradients),
+            ("exp(-300*(F : F - 2))", OF_GRADIENTS),
+            ("1/exp(300*(F : F - 2))", OF_GRADIENTS),
+            ("exp(300*(F : F - 2))/exp(299*(F : F - 2))", OF_GRADIENTS),
             ("exp(-300*e)", "e = integral(l/L - 1)\npsi(e) = exp(-k)*e^2"),
-            ("exp(-300*tr(H))", tensors),
-            ("k/2 + exp(-1000*(H : H))", tensors),
+            ("exp(-300*tr(H))", OF_TENSORS),
+            ("k/2 + exp(-1000*(H : H))", OF_TENSORS),
         ] {
             let model = model(&remembering(next, lines));
             for d in [2, 3] {

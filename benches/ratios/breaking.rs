@@ -2,8 +2,9 @@
 
 use std::sync::Arc;
 
-use piola_compiler::{Form, Level, Measure, Mode, Setting, check_text};
+use piola_compiler::{Form, Level, Measure, Mode, check_text};
 use piola_runtime::body::Body;
+use piola_runtime::deformation::Discretisation;
 use piola_runtime::energy::Energy;
 use piola_runtime::fracture::criteria::{Criteria, Criterion, Layer};
 use piola_runtime::fracture::memory::Memory;
@@ -11,6 +12,7 @@ use piola_runtime::fracture::{Breaking, Fracture as _};
 use piola_runtime::neighborhood::Neighborhood;
 
 use crate::clock::{Clock, in_turn};
+use crate::families::{self, correspondence, solid};
 use crate::forces::HORIZON;
 use crate::motion::{motion, shaken, step};
 use crate::ours::{SethHill, cube, displacement, with_threads};
@@ -46,34 +48,106 @@ pub(crate) fn run() -> Vec<Table> {
             }
         }
     });
-    vec![table]
+    let mut others = Table::of_ratios(
+        "breaking-others",
+        "The same of families whose bonds break, 20^3 points, horizon 3.015, and of triangles (14^3 points) and \
+         tetrahedra (8^3), n = 1, that break by conditions of their own.",
+        ["breaking, ms", "elastic, ms"],
+        Division::OursByTheirs,
+    );
+    with_threads(1, || of_other_kinds(&mut others));
+    vec![table, others]
 }
+
+/// A step of both, and a row.
+fn compare(
+    table: &mut Table,
+    what: &str,
+    [breaking, elastic]: [&dyn Energy; 2],
+    u: &[f64],
+    bar: Bar,
+) {
+    let [mut ours, mut theirs] = [breaking, elastic].map(|energy| motion(energy, u));
+    let times = in_turn(ROUNDS, Clock::Wall, [&mut || step(&mut ours), &mut || step(&mut theirs)]);
+    let [ours, theirs] = times.map(|times| times.least() * 1e3);
+    table.ratio(what, [ours, theirs], Statistic::Least(ROUNDS), bar);
+}
+
+const WHOLE: Bar = Bar::AtMost(1.1, 1.03);
+const SOME_BROKEN: Bar = Bar::AtMost(1.3, 1.1);
 
 fn against_elastic(table: &mut Table, what: &str, body: &Arc<Body>, law: &SethHill, broken: bool) {
     let elastic = law.energy(body, HORIZON, &[Measure::Length]);
-    let breaking = breaking(body, law);
+    let own = Box::new(law.energy(body, HORIZON, &[Measure::Length]));
+    let breaking = breaking((body, HORIZON), own, BY_STRETCH);
     if broken {
         let some: Vec<usize> = (0..breaking.n_bonds()).step_by(ONE_OF).collect();
         breaking.take_out(&some);
     }
-    let u = displacement(body);
-    let [mut ours, mut theirs] =
-        [&breaking as &dyn Energy, &elastic].map(|energy| motion(energy, &u));
-    let times = in_turn(ROUNDS, Clock::Wall, [&mut || step(&mut ours), &mut || step(&mut theirs)]);
+    let bar = if broken { SOME_BROKEN } else { WHOLE };
+    compare(table, what, [&breaking, &elastic], &displacement(body), bar);
     let expected = if broken { breaking.n_bonds().div_ceil(ONE_OF) } else { 0 };
     assert_eq!(breaking.counts()[1], expected, "nothing breaks on the way");
-    let [ours, theirs] = times.map(|times| times.least() * 1e3);
-    let bar = if broken { Bar::AtMost(1.3, 1.1) } else { Bar::AtMost(1.1, 1.03) };
-    table.ratio(what, [ours, theirs], Statistic::Least(ROUNDS), bar);
 }
 
-/// The same bonds, which break when they are twice as long.
-fn breaking(body: &Arc<Body>, law: &SethHill) -> Breaking {
-    let neighborhood = Arc::new(Neighborhood::new(body, HORIZON).expect("points with neighbours"));
-    let text = "potential p\nparameter s0\npsi(l) = (l/L - 1)^2\nbreak when l/L - 1 > s0";
+/// Bonds, areas or volumes that break when they are twice as large.
+const BY_STRETCH: &str = "potential p\npsi(l) = (l/L - 1)^2\nbreak when l/L - 1 > 1";
+const BY_AREA: &str = "potential p\npsi(a) = (a/A - 1)^2\nbreak when a/A - 1 > 1";
+const BY_VOLUME: &str = "potential p\npsi(v) = (v/V - 1)^2\nbreak when v/V - 1 > 1";
+
+/// Bodies of families, and of triangles and tetrahedra that have conditions of their own.
+fn of_other_kinds(table: &mut Table) {
+    type Made<'a> = &'a dyn Fn() -> Box<dyn Energy>;
+    let body = cube(20);
+    let families: [(&str, Made<'_>); 3] = [
+        ("CC", &|| Box::new(correspondence(&body, Discretisation::Nodal))),
+        ("BAQP", &|| Box::new(correspondence(&body, Discretisation::BondQuadrature))),
+        ("LPS", &|| Box::new(solid(&body))),
+    ];
+    for (name, made) in families {
+        for broken in [false, true] {
+            let (elastic, own) = (made(), made());
+            let breaking = breaking((&body, families::HORIZON), own, BY_STRETCH);
+            let what = match broken {
+                true => format!("{name}, 1 % broken"),
+                false => name.to_owned(),
+            };
+            if broken {
+                breaking.take_out(&(0..breaking.n_bonds()).step_by(ONE_OF).collect::<Vec<_>>());
+            }
+            let bar = if broken { SOME_BROKEN } else { WHOLE };
+            compare(table, &what, [&breaking, &*elastic], &displacement(&body), bar);
+        }
+    }
+    let law = SethHill::new(1.0);
+    let cliques = [
+        ("triangles, by their areas", 14, Measure::Area, BY_AREA),
+        ("tetrahedra, by their volumes", 8, Measure::Volume, BY_VOLUME),
+    ];
+    for (name, n, measure, text) in cliques {
+        let body = cube(n);
+        for broken in [false, true] {
+            let [elastic, own] = [(), ()].map(|()| law.energy(&body, HORIZON, &[measure]));
+            let breaking = breaking((&body, HORIZON), Box::new(own), text);
+            let what = match broken {
+                true => format!("{name}, 1 % broken"),
+                false => name.to_owned(),
+            };
+            if broken {
+                let some: Vec<usize> = (0..breaking.n_cliques(measure)).step_by(ONE_OF).collect();
+                breaking.take_out_cliques(measure, &some);
+            }
+            let bar = if broken { SOME_BROKEN } else { WHOLE };
+            compare(table, &what, [&breaking, &elastic], &displacement(&body), bar);
+        }
+    }
+}
+
+/// The same body, which breaks by the condition of a text.
+fn breaking((body, horizon): (&Arc<Body>, f64), energy: Box<dyn Energy>, text: &str) -> Breaking {
+    let neighborhood = Arc::new(Neighborhood::new(body, horizon).expect("points with neighbours"));
     let (_, model) = check_text(text).expect("a potential");
-    let settings = [("s0".to_string(), Setting::Number(1.0))];
-    let values = model.values(3, &settings, None).expect("values");
+    let values = model.values(3, &[], None).expect("values");
     let criteria = model.criteria(&values, Mode::Jit(Level::Fast), Form::Accurate);
     let criterion = |one: piola_compiler::Criterion| Criterion {
         measure: one.measure(),
@@ -83,7 +157,6 @@ fn breaking(body: &Arc<Body>, law: &SethHill) -> Breaking {
     let own = criteria.expect("a condition").into_iter().map(criterion).collect();
     let layers = vec![Layer { of_law: vec![own], materials: None }];
     let criteria = Criteria::new((body, &neighborhood), layers, vec![false; body.n_points()]);
-    let energy: Box<dyn Energy> = Box::new(law.energy(body, HORIZON, &[Measure::Length]));
     let (names, around) = (Arc::clone(energy.parts()), (Arc::clone(body), neighborhood));
     Breaking::new(around, vec![energy], names, (criteria, Memory::default()), Vec::new())
 }

@@ -37,6 +37,24 @@ fn groups(column: &[bool]) -> usize {
         + usize::from(!damaged.is_empty())
 }
 
+impl Damaged {
+    /// Whether the damage of every column is its own mirror image, to the last bit.
+    fn is_mirrored(&self) -> bool {
+        let is_own = |column: &Vec<f64>| column.iter().eq(column.iter().rev());
+        self.values.iter().all(is_own)
+    }
+}
+
+/// The lowest and the highest damaged point of some columns.
+fn span(columns: &[Vec<bool>]) -> [usize; 2] {
+    let damaged = |column: &Vec<bool>| {
+        let own = column.iter().enumerate().filter(|(_, is_damaged)| **is_damaged);
+        own.map(|(k, _)| k).collect::<Vec<usize>>()
+    };
+    let all: Vec<usize> = columns.iter().flat_map(damaged).collect();
+    [*all.iter().min().unwrap(), *all.iter().max().unwrap()]
+}
+
 /// How many columns with damage follow one another from the notch on.
 fn tip(frame: &Damaged, notch: usize) -> usize {
     (notch..frame.columns.len()).take_while(|x| groups(&frame.columns[*x]) > 0).count()
@@ -80,7 +98,11 @@ fn a_plate_in_mode_one_breaks_when_and_where_it_should() {
         assert_eq!(groups(column), 1);
         let off = |k: usize| (k as f64 - 24.5).abs();
         assert!((0..50).filter(|k| column[*k]).all(|k| off(k) <= 3.5), "near the middle");
+        let [low, high] = span(std::slice::from_ref(column)).map(|k| k as f64);
+        assert!(((low + high) / 2.0 - 24.5).abs() <= 1.0, "the path leaves the mid plane");
     }
+    let whole: Vec<&Damaged> = frames.iter().filter(|frame| tip(frame, 25) == 0).collect();
+    assert!(whole.len() > 3 && whole.iter().all(|frame| frame.is_mirrored()));
     let summary = json_file(&run.path().join("summary.json"));
     assert!(number(&summary["motion"]["rounding"]) < 1e-12);
 }
@@ -143,16 +165,21 @@ fn a_plate_under_tension_forks() {
     println!("start {start:e}, fork {fork:e}, speed {:.3} c_R, exit {exit:e}", speed / rayleigh);
     assert!((8e-6..=11e-6).contains(&start) && (0.060..=0.077).contains(&fork));
     assert!((0.35..=0.65).contains(&(speed / rayleigh)) && (50e-6..=62e-6).contains(&exit));
-    // Mirror images, to two spacings.
-    let end = frames.last().unwrap();
-    for column in &end.values {
-        for k in 0..40 {
-            let near = |d: f64, at: usize| {
-                (at.saturating_sub(2)..(at + 3).min(80)).any(|j| (column[j] - d).abs() < 0.2)
-            };
-            assert!(near(column[k], 79 - k), "mirror");
-        }
-    }
+    let at_exit = frames.iter().find(|frame| tip(frame, 100) >= 99).unwrap();
+    let [low, high] = span(&at_exit.columns[195..]).map(|k| spacing * k as f64);
+    let (t, x) = {
+        let tracked = table(&run.path().join("fracture.csv"));
+        (of(&tracked, "t"), of(&tracked, "tip_tip"))
+    };
+    let window = 0.05 * t[t.len() - 1];
+    let speed_from = |k: usize| {
+        let last = (k..t.len()).find(|last| t[*last] - t[k] >= window)?;
+        Some((x[last] - x[k]) / (t[last] - t[k]))
+    };
+    let fastest = (0..t.len()).filter_map(speed_from).fold(0.0, f64::max);
+    println!("fastest window {:.3} c_R, branches {:e} apart", fastest / rayleigh, high - low);
+    assert!(fastest <= rayleigh && (0.015..=0.032).contains(&(high - low)));
+    assert!(frames.iter().all(Damaged::is_mirrored));
     let summary = json_file(&run.path().join("summary.json"));
     assert!(number(&summary["motion"]["rounding"]) < 1e-12);
 }

@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use std::fs;
 
 use crate::fracture::BRITTLE;
-use crate::support::{SceneFolder, number, piola, table};
+use crate::support::{SceneFolder, json_file, number, piola, table};
 
 /// A plate with two notches.
 pub(crate) const NOTCHED: &str = r#"
@@ -311,6 +311,30 @@ fn a_double_notched_plate_releases_the_fracture_energy_of_its_crack() {
     let ratio = rows.last("released") / (gc * 0.1);
     assert!(1.0 < ratio && ratio < 1.3, "{ratio}");
     assert!(rows.last("total") < 1e-3 * rows.last("released"));
+}
+
+/// Modified Newton goes on with its factors where a bond has broken, if they are dear: two factorisations an event
+/// in place of three, and the same events as with new ones.
+#[test]
+fn dear_factors_serve_behind_events() {
+    let scene = "examples/double_notch/scene.toml";
+    let [full, modified] = ["full", "modified"].map(|newton| {
+        let folder = SceneFolder::new("");
+        let (out, newton) = (folder.path("out"), format!("solver.newton={newton}"));
+        let settings = ["--set", "steps.events=8", "--set", &newton];
+        piola(&[&["run", scene, "--out", &out], &settings[..]].concat()).expect(0);
+        let (header, rows) = table(&std::path::Path::new(&out).join("energy.csv"));
+        let rows = Rows { header, rows };
+        rows.close();
+        let summary = json_file(&std::path::Path::new(&out).join("summary.json"));
+        (rows, number(&summary["solver"]["factorizations"]))
+    });
+    let [t, broken] =
+        ["t", "broken_bonds"].map(|name| [&full.0, &modified.0].map(|rows| rows.column(name)));
+    assert_eq!(broken[0], broken[1]);
+    assert!(t[0].iter().zip(&t[1]).all(|(one, other)| (one / other - 1.0).abs() < 1e-8), "{t:?}");
+    println!("{} and {} factorisations", full.1, modified.1);
+    assert!(full.1 > 4.0 * 8.0 && modified.1 < 2.8 * 8.0);
 }
 
 /// Families lose bonds in load steps, too.

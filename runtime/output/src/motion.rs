@@ -89,6 +89,8 @@ pub struct BrokenRow {
     pub dissipated: Option<f64>,
     /// The work that the forces which went would have done over the halves of steps before, in J.
     pub timing: f64,
+    /// The energy in J that breaking and remembering added to the stored energy, where they did not take from it.
+    pub created: f64,
 }
 
 /// Columns of triangles and tetrahedra that broke by criteria of their own.
@@ -120,7 +122,7 @@ impl MotionTables {
         if columns.breaks {
             names.push("released".to_owned());
             names.extend(columns.remembers.then(|| "dissipated".to_owned()));
-            names.extend(["timing", "broken_bonds"].map(str::to_owned));
+            names.extend(["timing", "created", "broken_bonds"].map(str::to_owned));
             let cliques = columns.breaks_cliques.into_iter().zip(BROKEN_CLIQUES);
             names.extend(cliques.filter(|one| one.0).map(|one| one.1.to_owned()));
         }
@@ -237,7 +239,7 @@ impl MotionTables {
         let work = [row.damping, row.external, row.prescribed, row.quadrature, row.rounding];
         let broken = row.broken.map(|row| {
             let cliques = row.cliques.map(|n| n.map(|n| n as f64));
-            (row.released, row.dissipated, [row.timing, row.bonds as f64], cliques)
+            (row.released, row.dissipated, [row.timing, row.created, row.bonds as f64], cliques)
         });
         let broken = broken.iter().flat_map(|(released, dissipated, others, cliques)| {
             let cliques = cliques.iter().flatten();
@@ -373,6 +375,9 @@ pub struct MotionEnergies {
     /// What bonds lost by what they remember; nothing where they remember nothing.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub dissipated: Option<Number>,
+    /// The energy that breaking and remembering created, where bonds can break.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub created: Option<Number>,
     /// How many bonds are broken.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub broken_bonds: Option<usize>,
@@ -424,6 +429,7 @@ mod tests {
                 released: 0.25,
                 dissipated: None,
                 timing: -0.5,
+                created: 0.125,
             }),
             momentum: vec![7.0, 8.0],
             angular_momentum: vec![9.0],
@@ -443,9 +449,9 @@ mod tests {
         assert_eq!(
             first,
             "step,t,kinetic,kinetic_leapfrog,stored,psi(l),\"psi(l, m)\",damping,external,\
-             prescribed,quadrature,rounding,parameters,released,timing,broken_bonds,broken_areas,momentum_x,\
+             prescribed,quadrature,rounding,parameters,released,timing,created,broken_bonds,broken_areas,momentum_x,\
              momentum_y,angular_momentum_z\n\
-             12,1e-6,0.5,0.25,3,1,2,0,4,nan,-1e-9,1e-17,-2.5,0.25,-0.5,7,11,7,8,9\n"
+             12,1e-6,0.5,0.25,3,1,2,0,4,nan,-1e-9,1e-17,-2.5,0.25,-0.5,0.125,7,11,7,8,9\n"
         );
         tables.push(&row).unwrap();
         let lines: Vec<String> = first.lines().map(str::to_owned).collect();

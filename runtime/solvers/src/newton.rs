@@ -195,6 +195,14 @@ impl<'a> Newton<'a> {
         self.factorized = false;
     }
 
+    /// The same where little has gone from the body: factors of modified Newton that are dear serve on as long as the
+    /// residual falls with them, for what breaks at an event is a change of low rank.
+    pub fn forget_all_but_factors(&mut self) {
+        let serve = self.factorized && self.is_modified() && self.linear.has_dear_factors();
+        self.forget();
+        self.factorized = serve;
+    }
+
     /// Time by phase since the last call.
     pub fn take_times(&mut self) -> PhaseTimes {
         std::mem::take(&mut self.times)

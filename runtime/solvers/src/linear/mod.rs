@@ -64,6 +64,10 @@ pub use report::{
 pub use tangent::Tangent;
 pub(super) use tangent::absolute_of_diagonal;
 
+/// Factors are dear from so many operations per non-zero on, of which a solve takes four: an event of a body that breaks
+/// saves a factorisation by some six solves and passes of forces, which took as long at 100 and less at 250 and 300.
+const DEAR: f64 = 200.0;
+
 /// What the solver holds for the matrix it was last given.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Factor {
@@ -230,6 +234,14 @@ impl LinearSolver {
     /// Whether it starts with conjugate gradients or GMRES.
     pub fn iterates(&self) -> bool {
         self.method().iterates()
+    }
+
+    /// Whether it holds factors of a stored tangent that are worth more solves than a change of the energy by a few
+    /// interactions makes necessary. They do not ask for the energy any more.
+    pub fn has_dear_factors(&self) -> bool {
+        let is_dear = |cost: &FactorizationEstimate| cost.operations > DEAR * cost.factor_nonzeros;
+        matches!(self.factor, Factor::Cholesky | Factor::Ldlt(_) | Factor::Lu)
+            && self.estimate.as_ref().is_some_and(is_dear)
     }
 
     /// Whether it works on a stored tangent.

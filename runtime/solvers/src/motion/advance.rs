@@ -123,10 +123,11 @@ impl<O: Others> Motion<'_, O> {
         self.left_behind[1] += released.dissipated;
     }
 
-    /// Tells when energy comes out of nothing for the first time, where so much was released in a step and dissipated, in
-    /// J, by all parts.
+    /// Takes energy that comes out of nothing into the account, and tells of it the first time, where so much was
+    /// released in a step and dissipated, in J, by all parts.
     pub(super) fn tell_of_gains(&mut self, [released, dissipated]: [f64; 2]) {
         let gained = -(released.min(0.0) + dissipated.min(0.0));
+        self.balance.create(gained);
         let is_told = self.notes.iter().any(|note| note.contains(CREATED));
         if gained > TOLD * self.balance.largest() && !is_told {
             let t = self.time(self.done);

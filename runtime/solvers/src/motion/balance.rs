@@ -56,6 +56,12 @@ impl Sum {
 /// The place of the largest column among [`Balance::numbers`].
 const LARGEST: usize = 18;
 
+/// The place of what breaking created.
+const CREATED: usize = 27;
+
+/// The places of what every part of a body knows of the whole body: no sums over parts.
+const OF_BODY: [usize; 3] = [LARGEST, CREATED, CREATED + 1];
+
 /// A line of the account: a body at one time. Energies and work since the start are in J.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Row {
@@ -91,6 +97,9 @@ pub struct Row {
     /// The work that the forces which went would have done over the halves of steps at whose ends they
     /// went.
     pub timing: f64,
+    /// The energy that breaking and remembering added to the stored energy, in the steps in which they did not
+    /// take from it: what `released` and `dissipated` fell by, step by step.
+    pub created: f64,
     /// How many bonds are broken, those of cracks included; nothing where none can break.
     pub broken: Option<usize>,
     /// How many triangles and tetrahedra broke by criteria of their own; nothing where they have none.
@@ -115,6 +124,8 @@ pub(super) struct Balance {
     released: Sum,
     dissipated: Sum,
     timing: Sum,
+    /// Of the whole body.
+    created: Sum,
     /// What the stored energy changed by while the body moved, where parameters change.
     moved: Sum,
     /// The other half of the trapezoid, as powers: of the step to come.
@@ -134,7 +145,7 @@ struct First {
 
 impl Balance {
     /// How many numbers it is.
-    pub(super) const N_NUMBERS: usize = 10 + 5 + 4 + 8;
+    pub(super) const N_NUMBERS: usize = 10 + 5 + 4 + 10;
 
     /// All that it knows.
     pub(super) fn numbers(&self) -> Vec<f64> {
@@ -142,20 +153,21 @@ impl Balance {
         let first = self.first.unwrap_or(First { kinetic: f64::NAN, energy: f64::NAN });
         let sums = sums.into_iter().flat_map(|sum| [sum.value, sum.low]);
         let rest = [first.kinetic, first.energy, self.kinetic, self.largest];
-        let broken = [self.released, self.timing, self.dissipated, self.moved];
+        let broken = [self.released, self.timing, self.dissipated, self.moved, self.created];
         let broken = broken.into_iter().flat_map(|sum| [sum.value, sum.low]);
         sums.chain(self.after).chain(rest).chain(broken).collect()
     }
 
-    /// Adds the numbers of another part of the body: all are sums, but for the largest column, which is that of the body.
+    /// Adds the numbers of another part of the body: all are sums, but for those that are of the whole body.
     pub(super) fn add_numbers(numbers: &mut [f64], more: &[f64]) {
         let own = numbers.iter_mut().zip(more).enumerate();
-        own.filter(|(place, _)| *place != LARGEST).for_each(|(_, (sum, more))| *sum += more);
+        own.filter(|(place, _)| !OF_BODY.contains(place)).for_each(|(_, (sum, more))| *sum += more);
     }
 
     /// The numbers of a part that has nothing of these sums.
     pub(super) fn nothing_beside(numbers: &[f64]) -> Vec<f64> {
-        let of = |(place, number): (usize, &f64)| if place == LARGEST { *number } else { 0.0 };
+        let of =
+            |(place, number): (usize, &f64)| if OF_BODY.contains(&place) { *number } else { 0.0 };
         numbers.iter().enumerate().map(of).collect()
     }
 
@@ -173,6 +185,7 @@ impl Balance {
             timing: sum(21),
             dissipated: sum(23),
             moved: sum(25),
+            created: sum(CREATED),
             after: [10, 11, 12, 13, 14].map(|place| numbers[place]),
             first: (!energy.is_nan()).then_some(First { kinetic, energy }),
             kinetic: numbers[17],
@@ -212,6 +225,11 @@ impl Balance {
         self.timing.add(release.timing);
     }
 
+    /// Takes in what breaking and remembering added in a step to the stored energy of the whole body, in J.
+    pub(super) fn create(&mut self, energy: f64) {
+        self.created.add(energy);
+    }
+
     /// Takes in what the stored energy changed by, in J, while the body went a step and parameters stood still.
     pub(super) fn go(&mut self, change: f64) {
         self.moved.add(change);
@@ -237,7 +255,8 @@ impl Balance {
         parts: (EnergyParts, bool),
         kinetic: f64,
     ) -> Row {
-        let mut whole = Balance { largest: self.largest, ..Balance::of(numbers) };
+        let (largest, created) = (self.largest, self.created);
+        let mut whole = Balance { largest, created, ..Balance::of(numbers) };
         let row = whole.row(step, t, parts, kinetic);
         self.largest = whole.largest;
         row
@@ -279,6 +298,7 @@ impl Balance {
             released,
             dissipated,
             timing,
+            created: self.created.total(),
             broken: None,
             broken_cliques: [None; 2],
             momentum: Vec::new(),

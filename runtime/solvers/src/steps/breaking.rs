@@ -295,7 +295,7 @@ impl<'a> LoadSteps<'a> {
         loads: &[f64],
         t: f64,
     ) -> Tried<(Rested, f64)> {
-        self.newton.forget();
+        self.newton.forget_all_but_factors();
         if let Some(Fracturing { ledger, .. }) = &self.fracture {
             // What is left of a body that is cut through carries nothing to compare residuals with.
             self.newton.compare_with(ledger.scale);

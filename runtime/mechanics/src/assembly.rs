@@ -28,7 +28,7 @@ pub(crate) mod sum;
 mod tetrahedra;
 mod visit;
 
-pub(crate) use broken::affine_threshold;
+pub(crate) use broken::{affine_limits, affine_threshold};
 pub use error::AssemblyError;
 
 use std::collections::BTreeMap;
@@ -40,7 +40,7 @@ use rayon::prelude::*;
 
 use crate::body::Body;
 use crate::element::{Element, MeasureElement, Order};
-use crate::energy::{Energy, Hessian, Inversion, NonFinite, Wanted, check_sizes};
+use crate::energy::{Energy, Hessian, Inversion, Limits, NonFinite, Wanted, check_sizes};
 use crate::fracture::{Held, Release};
 use crate::interaction::schedule::{Cut, Layout, Part, visit};
 use crate::interaction::{
@@ -131,9 +131,9 @@ pub struct DiscreteEnergy {
     /// Room for passes: of their threads, and for what becomes of slabs.
     rooms: Rooms,
     outcomes: Pool<Vec<Result<SlabEnergy, NonFinite>>>,
-    /// Whether bonds of each slab had grown beyond their limits when forces were last worked out; empty where
-    /// nobody watches.
-    exceeded: Vec<AtomicBool>,
+    /// Whether bonds of each slab, triangles and tetrahedra had gone beyond their limits when forces were last worked
+    /// out; empty where nobody watches.
+    exceeded: [Vec<AtomicBool>; 3],
     /// What is gone of triangles and tetrahedra; nothing as long as none is.
     lost: Option<Box<Lost>>,
     /// The corrections of bonds that were taken out, where they are not 1.
@@ -255,7 +255,7 @@ impl DiscreteEnergy {
             report,
             rooms,
             outcomes: Pool::new(),
-            exceeded: Vec::new(),
+            exceeded: Default::default(),
             lost: None,
             lost_factors: BTreeMap::new(),
         };
@@ -509,8 +509,12 @@ impl Energy for DiscreteEnergy {
         self.watch_bonds(limits)
     }
 
-    fn exceeding(&self) -> Option<Vec<Range<usize>>> {
-        self.exceeding_owners()
+    fn watch_cliques(&mut self, measure: Measure, limits: &Limits<'_>) -> bool {
+        self.watch_own(measure, limits)
+    }
+
+    fn exceeding(&self, measure: Measure) -> Option<Vec<Range<usize>>> {
+        self.exceeding_owners(measure)
     }
 
     fn break_bonds(

@@ -155,6 +155,9 @@ pub enum Wanted<'a> {
     Diagonal(&'a mut [f64], &'a mut [f64]),
 }
 
+/// How much triangles or tetrahedra of one measure at rest may shrink and grow; nothing where that is not known.
+pub type Limits<'a> = dyn Fn(f64) -> Option<[f64; 2]> + 'a;
+
 /// An energy `E(u)` of a body, its gradient and its Hessian; all are exact derivatives of one energy.
 ///
 /// Displacements `u` are `n x d` row by row, in m, in the body's order. Energies add up in a
@@ -376,9 +379,15 @@ pub trait Energy: Send + Sync {
         false
     }
 
-    /// Owners among whose bonds some had grown beyond their limit when forces were last worked out; nothing
-    /// where nobody watches.
-    fn exceeding(&self) -> Option<Vec<Range<usize>>> {
+    /// Takes how much triangles or tetrahedra may shrink (a number below 0) and grow before they may break, in the unit
+    /// of their measure, from what it is at rest; whether passes of forces will say which have gone beyond that.
+    fn watch_cliques(&mut self, _measure: Measure, _limits: &Limits<'_>) -> bool {
+        false
+    }
+
+    /// Owners among whose bonds, triangles or tetrahedra some had gone beyond their limits when forces were last worked
+    /// out, ascending; nothing where nobody watches.
+    fn exceeding(&self, _measure: Measure) -> Option<Vec<Range<usize>>> {
         None
     }
 

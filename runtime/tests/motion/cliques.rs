@@ -47,7 +47,13 @@ pub(crate) fn breaking_from(
     if d == 3 {
         text.push_str(&format!("psi(v) = 4e7*V*(v/V - 1)^2\nbreak when abs(v/V - 1) > {h0}\n"));
     }
-    let (_, model) = check_text(&text).unwrap();
+    breaking_by((body, horizon), kept, &text)
+}
+
+/// A body with the energies and the conditions of a text.
+fn breaking_by((body, horizon): (&Arc<Body>, f64), kept: &[usize], text: &str) -> Breaking {
+    let d = body.dimension();
+    let (_, model) = check_text(text).unwrap();
     let values = model.values(d, &[], Some(horizon)).unwrap();
     let mode = Mode::Jit(Level::Fast);
     let mut laws = Laws::default();
@@ -315,6 +321,112 @@ fn all_kinds_break_as_loops_say_and_the_account_closes() {
         println!("body {number}: account {worst:e}, broken of all {all:?}");
         assert!(worst < 1e-12, "body {number}: {worst}");
         assert!(all[..d].iter().all(|(broken, all)| *broken > 10 && broken < all), "{all:?}");
+    }
+}
+
+/// Lattices with rows long enough to go along them.
+fn with_rows() -> [(Arc<Body>, f64); 2] {
+    [
+        (lattice(&[0.0, 0.0], &[30, 16], 0.1), 0.25),
+        (lattice(&[0.0, 0.0, 0.0], &[20, 3, 9], 0.1), 0.181),
+    ]
+}
+
+/// Forces along rows say of which owners triangles and tetrahedra may have failed, and the others are not judged: what
+/// breaks is what breaks where all are judged, whatever conditions are by.
+#[test]
+fn what_is_watched_breaks_as_what_is_judged() {
+    let bonds = "potential p\npsi(l) = 3e4*L*(l/L - 1)^2\nbreak when l/L - 1 > 0.2\n";
+    let areas = "psi(a) = 4e5*A*(a/A - 1)^2\n";
+    let volumes = "psi(v) = 4e7*V*(v/V - 1)^2\n";
+    let plane = [
+        "break when a/A - 1 > 0.12\n",
+        "break when a/A < 0.85\n",
+        "break when (a/A)^2 > 1.2\n",
+        "break when (a/A)^2 < 0.8\nbreak when a > 1.15*A\n",
+    ];
+    let space = ["break when v/V > 1.2\n", "break when v/V < 0.7\n", "break when (v/V)^2 > 1.5\n"];
+    let [flat, solid] = with_rows();
+    let in_plane = plane.map(|when| (&flat, format!("{bonds}{areas}{when}")));
+    let of_areas = plane.map(|when| (&solid, format!("{bonds}{areas}{when}")));
+    let of_volumes = space.map(|when| (&solid, format!("{bonds}{volumes}{when}")));
+    for ((body, horizon), text) in in_plane.into_iter().chain(of_areas).chain(of_volumes) {
+        let [watched, judged] = [(); 2].map(|()| breaking_by((body, *horizon), &[3], &text));
+        let masses: Vec<f64> = body.volumes().iter().map(|v| 1e3 * v).collect();
+        let n = body.positions().len();
+        let drive = Conditions { loads: vec![0.0; n], ..Conditions::default() };
+        let (watch, settings) = (Watch::default(), settings());
+        // One end turns about itself, and stretches, and waves run to the other.
+        let mut begun = start(body, 9);
+        let x = |dof: usize| body.positions()[dof - dof % body.dimension()];
+        begun.velocities.iter_mut().enumerate().for_each(|(dof, v)| {
+            *v *= if x(dof) < 0.6 { 1.5 } else { 0.0 };
+        });
+        let mut motion = Motion::new(&watched, &masses, begun, &drive, &settings, &watch).unwrap();
+        for step in 0..=STEPS {
+            go(&mut motion, step);
+            judged.advance(motion.state().displacements, 0.0, (0.0, &vec![0.0; n])).unwrap();
+            assert_eq!(watched.gone(), judged.gone(), "{text} at step {step}");
+        }
+        let Interactions { cliques: [areas, volumes], .. } = watched.gone();
+        println!("{} {} of {text}", areas.len(), volumes.len());
+        assert!(areas.len() + volumes.len() > 10, "{text}");
+    }
+}
+
+/// Where nothing has moved nothing is judged, and where one end is stretched no more than what is near it.
+#[test]
+fn few_owners_are_judged() {
+    let [flat, solid] = &with_rows();
+    for ((body, horizon), measure) in
+        [(flat, Measure::Area), (solid, Measure::Area), (solid, Measure::Volume)]
+    {
+        let d = body.dimension();
+        let text = "potential p\npsi(a) = 4e5*A*(a/A - 1)^2\npsi(v) = 4e7*V*(v/V - 1)^2\n";
+        let (_, model) = check_text(text).unwrap();
+        let values = model.values(d, &[], Some(*horizon)).unwrap();
+        let mut laws = Laws::default();
+        for kernel in
+            model.compile(&values, Mode::Jit(Level::Fast), Form::Accurate).unwrap().kernels
+        {
+            match (kernel.measure(), measure) {
+                (Measure::Area, Measure::Area) => laws.triangle = Some(Box::new(kernel)),
+                (Measure::Volume, Measure::Volume) => laws.tetrahedron = Some(Box::new(kernel)),
+                _ => {}
+            }
+        }
+        let mut energy =
+            DiscreteEnergy::new(Arc::clone(body), *horizon, Weights::Volumes, laws).unwrap();
+        assert!(!energy.watch_cliques(measure, &|_| None), "nobody knows the limits");
+        assert_eq!(energy.exceeding(measure), None);
+        assert!(energy.watch_cliques(measure, &|size| Some([-0.3 * size, 0.1 * size])));
+        let judged = |energy: &DiscreteEnergy, u: &[f64]| {
+            energy.forces(u, &mut vec![0.0; u.len()]).unwrap();
+            let owners = energy.exceeding(measure).unwrap();
+            owners.into_iter().map(|owners| owners.len()).sum::<usize>()
+        };
+        let turned = |by: f64| -> Vec<f64> {
+            let turn = |dof: usize| {
+                let (axis, x) = (dof % d, &body.positions()[dof - dof % d..]);
+                let (sin, cos) = (libm::sin(by), libm::cos(by));
+                match axis {
+                    0 => cos * x[0] - sin * x[1] - x[0],
+                    1 => sin * x[0] + cos * x[1] - x[1],
+                    _ => 0.0,
+                }
+            };
+            (0..body.positions().len()).map(turn).collect()
+        };
+        assert_eq!(judged(&energy, &turned(0.0)), 0);
+        assert_eq!(judged(&energy, &turned(2.0)), 0, "a turn stretches nothing");
+        for grows in [0.2, -0.35] {
+            let mut u = turned(0.0);
+            let end = 0.75 * body.positions()[u.len() - d];
+            let far = |dof: usize| body.positions()[dof] - end;
+            (0..u.len()).step_by(d).for_each(|dof| u[dof] = grows * far(dof).max(0.0));
+            let n = judged(&energy, &u);
+            assert!(n > 0 && n < body.n_points() / 2, "{n} of {}", body.n_points());
+        }
     }
 }
 

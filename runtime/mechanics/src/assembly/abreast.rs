@@ -40,6 +40,9 @@ struct Abreast {
     /// Equal parts of the values of the field that the law is a multiple of, point by point: those of the
     /// corners make the mean.
     parts: Option<Shares>,
+    /// How far measures may be from those at rest, where somebody watches: shares of these, in space of their squares for
+    /// areas.
+    limits: Option<[f64; 2]>,
     arch: Arch,
 }
 
@@ -48,7 +51,23 @@ impl Abreast {
     fn new(runs: &Arc<Runs>, kind: &Kind, corners: usize) -> (Abreast, f64) {
         let (common, shares) = Shares::of(&kind.weights, corners);
         let (runs, parts) = (Arc::clone(runs), kind.parts_of_field(corners));
-        (Abreast { runs, shares, parts, arch: Arch::new() }, common)
+        (Abreast { runs, shares, parts, limits: None, arch: Arch::new() }, common)
+    }
+
+    /// Watches interactions, of which these are at rest, from how far each may go as a share: all may go as far as the
+    /// one that may least. Whether that is known.
+    fn watch(
+        &mut self,
+        mut at_rest: impl Iterator<Item = f64>,
+        shares: impl Fn(f64) -> Option<[f64; 2]>,
+    ) -> bool {
+        let all = [f64::NEG_INFINITY, f64::INFINITY];
+        let least = |[low, high]: [f64; 2], size: f64| {
+            let [own_low, own_high] = shares(size)?;
+            Some([low.max(own_low), high.min(own_high)])
+        };
+        self.limits = at_rest.try_fold(all, least);
+        self.limits.is_some()
     }
 
     /// Works out what is wanted of the interactions of a slab's owners, but for some, and adds forces to
@@ -175,7 +194,10 @@ impl<C: Cliques<D>, const D: usize> Sweep<'_, C, D> {
         let Sweep { of, cliques, owners, wanted, axes, room, sum } = self;
         let (zero, one) = (Lanes::splat(simd, 0.0), Lanes::splat(simd, 1.0));
         let sum = wanted.has_energy().then_some(sum);
-        let mut out = Added { refused: zero, sum, has_forces: wanted.has_forces() };
+        let limits =
+            of.limits.filter(|_| !PRODUCT).map(|limits| limits.map(|x| Lanes::splat(simd, x)));
+        let has_forces = wanted.has_forces();
+        let mut out = Added { refused: zero, sum, has_forces, limits, beyond: zero };
         let AbreastRoom { groups, bonds, first: first_of, .. } = room;
         let mut walk = Walk::new(of, axes.slab, owners, groups);
         // Loops and no closures: these would be functions of their own, without the machine's registers.
@@ -193,6 +215,7 @@ impl<C: Cliques<D>, const D: usize> Sweep<'_, C, D> {
                 group.scatter(simd, bonds, axes);
             }
         }
+        axes.is_clique_beyond = out.beyond.largest() > 0.0;
         out.refused.where_equal(zero, zero, one).largest() == 0.0
     }
 }
@@ -255,6 +278,22 @@ struct Added<'a, S: Simd> {
     refused: Lanes<S>,
     sum: Option<&'a mut Sum>,
     has_forces: bool,
+    /// See [`Abreast::limits`].
+    limits: Option<[Lanes<S>; 2]>,
+    /// Above 0 where something has gone beyond them.
+    beyond: Lanes<S>,
+}
+
+impl<S: Simd> Added<'_, S> {
+    /// Looks at interactions that have grown by so much, times what shares are of, which is the other number; those of
+    /// owners that do not have them all are at rest.
+    #[inline(always)]
+    fn watch(&mut self, grown: Lanes<S>, whole: Lanes<S>, inside: Option<Lanes<S>>) {
+        if let Some([low, high]) = self.limits {
+            let grown = weighed(grown, inside);
+            self.beyond = self.beyond.max(grown - high * whole).max(low * whole - grown);
+        }
+    }
 }
 
 /// Eight consecutive owners.

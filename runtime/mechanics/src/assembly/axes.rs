@@ -44,6 +44,8 @@ pub(super) struct Axes {
     pub(super) other: Vec<f64>,
     /// Whether some bond has grown beyond its limit.
     pub(super) is_beyond: bool,
+    /// The same of the triangles or tetrahedra that were seen last.
+    pub(super) is_clique_beyond: bool,
 }
 
 impl Axes {

@@ -11,10 +11,11 @@ use rayon::prelude::*;
 
 use super::DiscreteEnergy;
 use super::kind::Kind;
+use super::on_lattice::OnLattice;
 use super::quadratic::AffineLaw;
 use super::visit::{Refusal, minus};
 use crate::element::{CAPACITY, Contributions, InteractionBatch, Order};
-use crate::energy::NonFinite;
+use crate::energy::{Limits, NonFinite};
 use crate::fracture::Held;
 use crate::geometry::dot;
 use crate::kernel::{Law, Measure};
@@ -38,6 +39,31 @@ pub(crate) fn affine_threshold(
     }
     let grown = -at_rest.rest / at_rest.linear;
     Some(if law.by_square { grown } else { grown * (2.0 * length + grown) })
+}
+
+/// How much areas or volumes of one size at rest may shrink (a number below 0) and grow until a margin is 0 that is
+/// negative at rest; nothing of margins that are not affine in the measure or in its square.
+pub(crate) fn affine_limits(margin: &dyn Law, size: f64) -> Option<[f64; 2]> {
+    let law = AffineLaw::of(margin, false).filter(|_| margin.fields().is_empty())?;
+    let at_rest = law.at(size, &[], 1.0)?;
+    if at_rest.bent != 0.0 || at_rest.rest >= 0.0 {
+        return None;
+    }
+    let (low, high) = (f64::NEG_INFINITY, f64::INFINITY);
+    if at_rest.linear == 0.0 {
+        return Some([low, high]);
+    }
+    let zero = -at_rest.rest / at_rest.linear;
+    let square = size * size + zero;
+    let by_root = zero / (square.sqrt() + size);
+    Some(match (law.by_square, at_rest.linear > 0.0) {
+        (false, true) => [low, zero],
+        (false, false) => [zero, high],
+        // Measures have a sign: those turned inside out have squares, too.
+        (true, true) => [-(2.0 * size + by_root), by_root],
+        (true, false) if square > 0.0 => [by_root, high],
+        (true, false) => [low, high],
+    })
 }
 
 impl DiscreteEnergy {
@@ -90,18 +116,42 @@ impl DiscreteEnergy {
             (None, Some(fours)) => fours.watch(neighborhood, limits),
             (None, None) => return false,
         }
-        exceeded.resize_with(slabs.len(), || AtomicBool::new(true));
+        exceeded[Measure::Length as usize].resize_with(slabs.len(), || AtomicBool::new(true));
         true
     }
 
     /// See [`crate::energy::Energy::exceeding`].
-    pub(super) fn exceeding_owners(&self) -> Option<Vec<Range<usize>>> {
-        if self.exceeded.is_empty() {
+    pub(super) fn exceeding_owners(&self, measure: Measure) -> Option<Vec<Range<usize>>> {
+        let exceeded = &self.exceeded[measure as usize];
+        if exceeded.is_empty() {
             return None;
         }
-        let is_beyond = |slab: &usize| self.exceeded[*slab].load(Ordering::Relaxed);
-        let found = (0..self.slabs.len()).filter(is_beyond);
-        Some(found.map(|slab| self.slabs.owners(slab)).collect())
+        // Triangles and tetrahedra of owners that have lost some go one by one: nobody watches these.
+        let lost = self.lost.as_ref().filter(|_| measure != Measure::Length);
+        let of_slab = |slab: usize| {
+            let owners = self.slabs.owners(slab);
+            if exceeded[slab].load(Ordering::Relaxed) {
+                return vec![owners];
+            }
+            let has_lost = |owner: &usize| lost.is_some_and(|lost| lost.owners().has(*owner));
+            owners.filter(has_lost).map(|owner| owner..owner + 1).collect()
+        };
+        Some((0..self.slabs.len()).flat_map(of_slab).collect())
+    }
+
+    /// See [`crate::energy::Energy::watch_cliques`].
+    pub(super) fn watch_own(&mut self, measure: Measure, limits: &Limits<'_>) -> bool {
+        let OnLattice { triangles, tetrahedra, .. } = &mut self.on_lattice;
+        let is_watched = match (measure, triangles, tetrahedra) {
+            (Measure::Area, Some(all), _) => all.watch(self.body.dimension(), limits),
+            (Measure::Volume, _, Some(all)) => all.watch(limits),
+            _ => false,
+        };
+        if is_watched {
+            let n = self.slabs.len();
+            self.exceeded[measure as usize].resize_with(n, || AtomicBool::new(true));
+        }
+        is_watched
     }
 
     /// See [`crate::energy::Energy::add_held`].

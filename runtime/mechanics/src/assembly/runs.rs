@@ -152,6 +152,7 @@ impl<const D: usize, const WAY: u8, const PRODUCT: bool> WithSimd for Sweep<'_, 
             ref mut own,
             ref mut other,
             ref mut is_beyond,
+            ..
         } = *axes;
         let vectors = runs.runs.vectors::<D>();
         let (zero, one) = (Lanes::splat(simd, 0.0), Lanes::splat(simd, 1.0));

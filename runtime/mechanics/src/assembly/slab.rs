@@ -20,6 +20,7 @@ use crate::element::{Contributions, Order};
 use crate::energy::NonFinite;
 use crate::interaction::schedule::{Part, Touched};
 use crate::interaction::{Bits, Clique, CliqueRoom, OwnerCliques};
+use crate::kernel::Measure;
 
 /// A slab with the rows it may write to.
 pub(super) struct SlabTask<'a> {
@@ -171,6 +172,7 @@ impl<'a> SlabTask<'a> {
         room: &mut Room<3>,
     ) -> Result<Sum, NonFinite> {
         let known = visit.tetrahedra_abreast(room, &mut self.rows);
+        visit.note_beyond(Measure::Volume, known.is_none() || room.axes.is_clique_beyond);
         let sum = known.unwrap_or_default();
         let left = Left { with_blocks: known.is_some(), ..Left::new(visit, known.is_some()) };
         let Room { cliques, gathered: [_, _, gathered], pairs, by_pairs, sums, .. } = room;
@@ -200,12 +202,11 @@ impl<'a> SlabTask<'a> {
         if known.bonds.is_none() {
             known.bonds = visit.in_fours::<D>(&mut room.fours, rows);
         }
-        if let Some(exceeded) = energy.exceeded.get(visit.slab) {
-            let Room { axes, fours, .. } = &*room;
-            let by_rows = energy.on_lattice.bonds.is_some();
-            let is_beyond = if by_rows { axes.is_beyond } else { fours.is_beyond };
-            exceeded.store(known.bonds.is_none() || is_beyond, Ordering::Relaxed);
-        }
+        let Room { axes, fours, .. } = &*room;
+        let by_rows = energy.on_lattice.bonds.is_some();
+        let is_beyond = if by_rows { axes.is_beyond } else { fours.is_beyond };
+        visit.note_beyond(Measure::Length, known.bonds.is_none() || is_beyond);
+        visit.note_beyond(Measure::Area, known.triangles.is_none() || axes.is_clique_beyond);
         if let (Some(kind), Some(room)) = (&energy.bonds, &mut room.bonds) {
             total.bonds = bonds::<D>(visit, untouched, (kind, known.bonds), room, rows)?;
         }
@@ -248,6 +249,13 @@ impl<'a> SlabTask<'a> {
 }
 
 impl Visit<'_> {
+    /// Tells whether interactions of this slab have gone beyond their limits, where somebody watches.
+    fn note_beyond(&self, measure: Measure, is_beyond: bool) {
+        if let Some(exceeded) = self.energy.exceeded[measure as usize].get(self.slab) {
+            exceeded.store(is_beyond, Ordering::Relaxed);
+        }
+    }
+
     /// Adds the forces of what goes along the rows of a lattice; the energies of that.
     fn on_lattice<const D: usize>(&self, room: &mut Room<D>, rows: &mut Rows<'_>) -> OnLatticeSums {
         let Room { axes, abreast, .. } = room;

@@ -14,7 +14,9 @@ use std::ops::{Deref, Range};
 use std::sync::{Arc, OnceLock};
 
 use super::differences::{ForceDifferences, smallest_distance, step};
-use super::{Dissipation, Energy, Hessian, Inversion, NonFinite, Products, Wanted, check_sizes};
+use super::{
+    Dissipation, Energy, Hessian, Inversion, Limits, NonFinite, Products, Wanted, check_sizes,
+};
 use crate::dissipation::Dashpots;
 use crate::fracture::{Asked, Fracture, Held, Judged, Release};
 use crate::interaction::{Inverted, Ranks, Report};
@@ -501,8 +503,15 @@ impl Energy for Total<'_> {
         })
     }
 
-    fn exceeding(&self) -> Option<Vec<Range<usize>>> {
-        self.terms.iter().find_map(|term| term.exceeding())
+    fn watch_cliques(&mut self, measure: Measure, limits: &Limits<'_>) -> bool {
+        self.terms.iter_mut().any(|term| match term {
+            Term::Owned(energy) => energy.watch_cliques(measure, limits),
+            Term::Borrowed(_) => false,
+        })
+    }
+
+    fn exceeding(&self, measure: Measure) -> Option<Vec<Range<usize>>> {
+        self.terms.iter().find_map(|term| term.exceeding(measure))
     }
 
     fn break_bonds(

@@ -3,13 +3,17 @@
 //! All that are left are judged, each by the laws that it takes. Those whose edges are broken are gone
 //! already.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
 use super::criteria::margin::{WithMargins, leading, over_rest};
-use super::criteria::{Margin, Margins};
+use super::criteria::{Margin, Margins, NEARLY};
 use super::walk::{Listed, Of, OfOwners, Room, Walk};
+use crate::assembly::affine_limits;
 use crate::body::Body;
-use crate::energy::NonFinite;
+use crate::element::Element as _;
+use crate::energy::{Energy, NonFinite};
 use crate::interaction::{Clique, Lost, Ranks, n_neighbors};
 use crate::kernel::Measure;
 use crate::materials::Materials;
@@ -47,13 +51,20 @@ impl CliqueCriteria {
         self.kinds.iter().map(|kind| &kind.cliques).find(|cliques| cliques.measure == measure)
     }
 
+    /// Lets an energy watch what may break while it works out forces.
+    pub(super) fn be_watched(&self, energy: &mut dyn Energy) {
+        for kind in &self.kinds {
+            energy.watch_cliques(kind.cliques.measure, &|size| kind.limits(size));
+        }
+    }
+
     /// The measures that have criteria, with the numbers of their cliques.
     pub(super) fn kinds(&self) -> impl Iterator<Item = (Measure, &Ranks)> {
         self.kinds.iter().map(|kind| (kind.cliques.measure, &kind.cliques.ranks))
     }
 
     /// The triangles, and the tetrahedra, that break at displacements `u` in m (`n x d`), ascending: of what is
-    /// not `lost`, and none with a point that `is_unbreakable`.
+    /// not `lost`, and none with a point that `is_unbreakable`; among those of some owners, as far as these are known.
     ///
     /// # Errors
     /// Margins that are not finite.
@@ -62,12 +73,14 @@ impl CliqueCriteria {
         around: (&Body, &Neighborhood),
         u: &[f64],
         (lost, is_unbreakable): (&Lost, &[bool]),
+        [areas, volumes]: [Option<Vec<Range<usize>>>; 2],
     ) -> Result<[Vec<usize>; 2], NonFinite> {
         let mut all: [Vec<usize>; 2] = Default::default();
         for kind in &self.kinds {
             let walk = Walk { around, u, lost };
             let judge = Judge { kind, walk, is_unbreakable, wanted: Wanted::Breaking };
-            let found = judge.all(|found| found)?;
+            let owners = if kind.cliques.measure == Measure::Area { &areas } else { &volumes };
+            let found = judge.all(owners.clone(), |found| found)?;
             all[n_neighbors(kind.cliques.measure) - 2] =
                 found.into_iter().map(|(number, _)| number).collect();
         }
@@ -89,9 +102,24 @@ impl CliqueCriteria {
         for kind in &self.kinds {
             let walk = Walk { around, u, lost };
             let judge = Judge { kind, walk, is_unbreakable, wanted: Wanted::Margins };
-            all[n_neighbors(kind.cliques.measure) - 2] = judge.all(|found| leading(found, tie))?;
+            all[n_neighbors(kind.cliques.measure) - 2] =
+                judge.all(None, |found| leading(found, tie))?;
         }
         Ok(all)
+    }
+}
+
+impl OfKind {
+    /// How much one of this size at rest may shrink and grow before it is judged; nothing where that is not known.
+    fn limits(&self, size: f64) -> Option<[f64; 2]> {
+        let laws = self.layers.iter().flat_map(|layer| layer.of_law.iter().flatten());
+        let all = [f64::NEG_INFINITY, f64::INFINITY];
+        let least = |[low, high]: [f64; 2], margin: &Margin| {
+            let (law, _) = margin.element.law()?;
+            let [own_low, own_high] = affine_limits(law, size)?.map(|grown| grown * NEARLY);
+            Some([low.max(own_low), high.min(own_high)])
+        };
+        laws.into_iter().try_fold(all, least)
     }
 }
 
@@ -113,15 +141,19 @@ struct Judge<'a> {
 }
 
 impl Judge<'_> {
-    /// What is found slab by slab, of which some is kept.
+    /// What is found of some owners, or of all, slab by slab, of which some is kept.
     fn all(
         &self,
+        owners: Option<Vec<Range<usize>>>,
         keep: impl Fn(WithMargins) -> WithMargins + Sync,
     ) -> Result<WithMargins, NonFinite> {
         let (body, _) = self.walk.around;
         let OfOwners { measure, .. } = self.kind.cliques;
-        let slabs = self.kind.cliques.pieces(0..body.n_points(), usize::MAX).into_par_iter();
-        let found = slabs.map(|piece| {
+        let owners = owners.unwrap_or_else(|| std::iter::once(0..body.n_points()).collect());
+        let pieces = owners.into_iter();
+        let pieces = pieces.flat_map(|owners| self.kind.cliques.pieces(owners, usize::MAX));
+        let pieces: Vec<(usize, Range<usize>)> = pieces.collect();
+        let found = pieces.into_par_iter().map(|piece| {
             let found = match (body.dimension(), measure) {
                 (2, _) => self.piece::<2, 2>(piece),
                 (_, Measure::Area) => self.piece::<3, 2>(piece),
@@ -135,7 +167,7 @@ impl Judge<'_> {
 
     fn piece<const D: usize, const K: usize>(
         &self,
-        piece: (usize, std::ops::Range<usize>),
+        piece: (usize, Range<usize>),
     ) -> Result<WithMargins, NonFinite> {
         let OfKind { cliques, .. } = self.kind;
         let mut found = Found { room: Room::new(cliques.measure, D), all: Vec::new() };

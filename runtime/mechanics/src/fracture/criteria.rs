@@ -26,8 +26,8 @@ use ties::Ties;
 /// Owners whose bonds are judged by one task; fixed, so that results do not depend on threads.
 pub(super) const CHUNK: usize = 1024;
 
-/// Bonds are judged exactly from this share of what they may grow on: rounding is far below.
-const NEARLY: f64 = 1.0 - 1e-6;
+/// Bonds, triangles and tetrahedra are judged exactly from this share of what they may grow on: rounding is far below.
+pub(super) const NEARLY: f64 = 1.0 - 1e-6;
 
 /// One condition under which bonds, triangles or tetrahedra break.
 pub struct Criterion {

@@ -44,7 +44,7 @@ impl Breaking {
 
     /// See [`super::Fracture::advance_foremost`].
     pub(super) fn judge_foremost(&self, u: &[f64], tie: f64) -> Result<Release, NonFinite> {
-        if self.judge(u, &self.all_owners())?.is_empty() {
+        if self.judge(u, &self.all_owners(), [None, None])?.is_empty() {
             return Ok(Release::default());
         }
         match self.find_foremost(u, tie)? {

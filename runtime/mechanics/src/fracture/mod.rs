@@ -276,6 +276,9 @@ impl Breaking {
         if !criteria.are_empty() && memory.is_empty() {
             energy.watch(criteria.limits());
         }
+        if memory.is_empty() {
+            criteria.cliques.be_watched(&mut energy);
+        }
         let (pattern, bond_pattern) = (OnceLock::new(), OnceLock::new());
         if !keeps_pattern {
             let _ = pattern.set(Arc::clone(energy.pattern()));
@@ -314,8 +317,14 @@ impl Breaking {
         std::iter::once(0..self.body.n_points()).collect()
     }
 
-    /// What breaks at displacements `u`: of bonds among those of some owners.
-    fn judge(&self, u: &[f64], owners: &[Range<usize>]) -> Result<Interactions, NonFinite> {
+    /// What breaks at displacements `u`: of bonds among those of some owners, and of triangles and tetrahedra among those
+    /// of owners that may be known.
+    fn judge(
+        &self,
+        u: &[f64],
+        owners: &[Range<usize>],
+        of_cliques: [Option<Vec<Range<usize>>>; 2],
+    ) -> Result<Interactions, NonFinite> {
         let status = &*self.now();
         let Status { is_broken, lost, .. } = status;
         let around = (&*self.body, &*self.neighborhood);
@@ -323,7 +332,7 @@ impl Breaking {
         let bonds = self.with_fields(status, u, bonds)?;
         let Criteria { cliques, is_unbreakable, .. } = &self.criteria;
         let cliques = match lost {
-            Some(lost) => cliques.judge(around, u, (lost, is_unbreakable))?,
+            Some(lost) => cliques.judge(around, u, (lost, is_unbreakable), of_cliques)?,
             None => Default::default(),
         };
         Ok(Interactions { bonds, cliques })
@@ -379,7 +388,7 @@ fn now(status: &RwLock<Status>) -> RwLockReadGuard<'_, Status> {
 
 impl Fracture for Breaking {
     fn advance(&self, u: &[f64], dt: f64, way: (f64, &[f64])) -> Result<Release, NonFinite> {
-        let breaking = self.judge(u, &self.all_owners())?;
+        let breaking = self.judge(u, &self.all_owners(), [None, None])?;
         let mut release = self.change_states((u, dt), way, &breaking)?;
         release.add(self.break_all(u, way, &breaking)?);
         Ok(release)
@@ -387,8 +396,9 @@ impl Fracture for Breaking {
 
     fn advance_behind_forces(&self, u: &[f64], way: (f64, &[f64])) -> Result<Release, NonFinite> {
         assert!(self.memory.is_empty(), "bonds remember nothing");
-        let exceeding = self.now().energy.exceeding();
-        let breaking = self.judge(u, &exceeding.unwrap_or_else(|| self.all_owners()))?;
+        let exceeding = |measure| self.now().energy.exceeding(measure);
+        let bonds = exceeding(Measure::Length).unwrap_or_else(|| self.all_owners());
+        let breaking = self.judge(u, &bonds, CLIQUES.map(exceeding))?;
         self.break_all(u, way, &breaking)
     }
 
@@ -417,7 +427,7 @@ impl Fracture for Breaking {
     }
 
     fn advance_bonds(&self, u: &[f64]) -> Result<Release, NonFinite> {
-        let breaking = self.judge(u, &self.all_owners())?;
+        let breaking = self.judge(u, &self.all_owners(), [None, None])?;
         self.break_all(u, (0.0, &vec![0.0; u.len()]), &breaking)
     }
 

@@ -22,6 +22,7 @@ use super::{
     Abreast, AbreastRoom, Added, Beside, Cliques, CornerShares, NONE, Register, growth, weighed,
 };
 use crate::element::THIN;
+use crate::energy::Limits;
 use crate::geometry::lanes::Lanes;
 use crate::geometry::{cross, dot, each};
 use crate::interaction::runs::Runs;
@@ -70,6 +71,12 @@ impl TetrahedronRuns {
         let reach = horizon * (1.0 + HORIZON_TOLERANCE);
         let numbers = BTreeMap::new();
         Table { laws, kind, runs, common, reach, degeneracy, numbers, all }.fill()
+    }
+
+    /// See [`crate::energy::Energy::watch_cliques`].
+    pub(in crate::assembly) fn watch(&mut self, limits: &Limits<'_>) -> bool {
+        let share = |size: f64| Some(limits(size)?.map(|grown| grown / size));
+        self.abreast.watch(self.laws.iter().map(|law| law.reference.abs()), share)
     }
 
     /// How many vectors the bonds of these have.
@@ -374,6 +381,10 @@ impl TetrahedronRuns {
                 let changed = law.changed::<SIGNED, PRODUCT>(zero, grown);
                 let shares = pair.shares.with::<MASKED, 3>(at, bond);
                 let volume = law.reference + grown;
+                if !PRODUCT {
+                    let whole = law.reference * law.reference;
+                    out.watch(grown * law.reference, whole, shares.inside);
+                }
                 let mut thin = pair.square * at.load(&bond.square);
                 if let Some(inside) = shares.inside {
                     thin = thin * inside;

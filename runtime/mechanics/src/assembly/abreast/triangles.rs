@@ -16,6 +16,7 @@ use super::{
     weighed,
 };
 use crate::element::THIN;
+use crate::energy::Limits;
 use crate::geometry::lanes::Lanes;
 use crate::geometry::{Scalar, dot, each};
 use crate::interaction::runs::Runs;
@@ -97,6 +98,20 @@ impl TriangleRuns {
             (_, false) => of.arch.dispatch(FansByWay::<D, ROOT>(sweep)),
             (_, true) => of.arch.dispatch(FansByWay::<D, SQUARE>(sweep)),
         }
+    }
+
+    /// See [`crate::energy::Energy::watch_cliques`].
+    pub(in crate::assembly) fn watch(&mut self, dimension: usize, limits: &Limits<'_>) -> bool {
+        let share = |size: f64| {
+            let shares = limits(size)?.map(|grown| grown / size);
+            // Passes know squares of areas in space, which have no sign there.
+            let squared = |share: f64| match share > -1.0 {
+                true => share * (2.0 + share),
+                false => f64::NEG_INFINITY,
+            };
+            Some(if dimension == 2 { shares } else { shares.map(squared) })
+        };
+        self.abreast.watch(self.pairs.iter().map(|pair| pair.law.reference), share)
     }
 
     /// How many vectors the bonds of these have.
@@ -305,6 +320,10 @@ impl<S: Simd, const D: usize> First<S, D> {
         let law = Quadratics::new(at.simd, &pair.law);
         let changed: Changed<S> = law.changed::<WAY, PRODUCT>(square, by);
         let shares = self.shares.with::<MASKED, D>(at, second);
+        if !PRODUCT {
+            let size = law.reference;
+            out.watch(by, if is_signed { size } else { size * size }, shares.inside);
+        }
         let weight = shares.weight();
         let first = weighed(changed.first, weight);
         let (zero, nothing) = (at.splat(0.0), at.splat(f64::NAN));

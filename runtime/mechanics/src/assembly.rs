@@ -98,19 +98,6 @@ pub struct Elements {
     pub tetrahedron: Option<Box<dyn Element>>,
 }
 
-impl Elements {
-    /// Kind by kind, in the order of [`Measure::ALL`], those of each law.
-    fn by_kind(of_laws: Vec<Elements>) -> [Vec<Option<Box<dyn Element>>>; 3] {
-        let mut kinds = [const { Vec::new() }; 3];
-        for Elements { bond, triangle, tetrahedron } in of_laws {
-            kinds.iter_mut().zip([bond, triangle, tetrahedron]).for_each(|(kind, element)| {
-                kind.push(element);
-            });
-        }
-        kinds
-    }
-}
-
 /// The discrete total energy.
 pub struct DiscreteEnergy {
     body: Arc<Body>,

@@ -6,6 +6,7 @@ use piola_compiler::Level;
 use piola_runtime::body::Body;
 use piola_runtime::energy::Energy;
 use piola_runtime::lattice::{Lattice, Nodes};
+use piola_runtime::neighborhood::Neighborhood;
 use piola_runtime::states::StateEnergy;
 use rayon::ThreadPoolBuilder;
 
@@ -100,6 +101,57 @@ fn lattices_give_what_clouds_of_the_same_points_give() {
             }
             let names = [0, 1].map(|k| energies[k].parts().to_vec());
             assert_eq!(names[0], names[1]);
+        }
+    }
+}
+
+/// Bonds that are lost leave gaps in rows: what is left is what clouds have left, and what comes back never went.
+#[test]
+fn rows_with_gaps_give_what_clouds_give() {
+    let shapes: [(&[usize], Nodes); 2] =
+        [(&[31, 23], Nodes::Cells), (&[14, 9, 13], Nodes::Corners)];
+    for (counts, nodes) in shapes {
+        let [lattice, cloud] = bodies(counts, nodes);
+        let u = displacements(&lattice, 3);
+        for (name, text, parameters) in materials() {
+            let new = |body: &Arc<Body>| energy(&text, &parameters, body);
+            let [mut gaps, mut other] = [&lattice, &cloud].map(new);
+            let whole = Neighborhood::new(&lattice, 2.2 * SPACING).unwrap();
+            // Those across a plane, some anywhere, and all of a point.
+            let beyond = |point: usize| lattice.position(point)[0] > 4.3;
+            let crosses = |ends: [usize; 2]| beyond(ends[0]) != beyond(ends[1]);
+            let (n, alone) = (whole.n_bonds(), lattice.n_points() / 3);
+            let sets = [
+                (0..n).filter(|bond| crosses(whole.ends(*bond))).collect::<Vec<usize>>(),
+                (0..n).filter(|bond| bond % 37 == 5).collect(),
+                (0..n).filter(|bond| whole.ends(*bond).contains(&alone)).collect(),
+            ];
+            let before = state(&gaps, &u);
+            for bonds in &sets {
+                gaps.lose(bonds);
+                other.lose(bonds);
+                let has_rows = gaps.report().ways == ["families", "rows"];
+                assert_eq!(has_rows, name != "stressed", "{name}");
+                let [found, expected] = [&gaps, &other].map(|energy| state(energy, &u));
+                for (found, expected) in found.iter().zip(&expected) {
+                    let error = distance(found, expected);
+                    assert!(error < 1e-13, "{counts:?}, {name}: {error:e}");
+                }
+            }
+            if name == "stressed" {
+                continue;
+            }
+            gaps.regain(&sets[1]);
+            let mut fresh = new(&lattice);
+            fresh.lose(&sets[2]);
+            fresh.lose(&sets[0]);
+            // Bonds that are in two sets came back with the second.
+            let both = |bond: &&usize| sets[1].contains(bond);
+            let again: Vec<usize> = sets[0].iter().chain(&sets[2]).filter(both).copied().collect();
+            fresh.regain(&again);
+            assert!(state(&gaps, &u) == state(&fresh, &u), "{name}");
+            gaps.regain(&sets.concat());
+            assert!(state(&gaps, &u) == before, "{name}");
         }
     }
 }

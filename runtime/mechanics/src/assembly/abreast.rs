@@ -40,9 +40,9 @@ struct Abreast {
     /// Equal parts of the values of the field that the law is a multiple of, point by point: those of the
     /// corners make the mean.
     parts: Option<Shares>,
-    /// How far measures may be from those at rest, where somebody watches: shares of these, in space of their squares for
-    /// areas.
-    limits: Option<[f64; 2]>,
+    /// How far measures may be from those at rest: shares of these, in space of their squares for areas. All may go
+    /// anywhere where nobody watches: to ask for each whether somebody does took twice as long for tetrahedra.
+    limits: [f64; 2],
     arch: Arch,
 }
 
@@ -51,7 +51,7 @@ impl Abreast {
     fn new(runs: &Arc<Runs>, kind: &Kind, corners: usize) -> (Abreast, f64) {
         let (common, shares) = Shares::of(&kind.weights, corners);
         let (runs, parts) = (Arc::clone(runs), kind.parts_of_field(corners));
-        (Abreast { runs, shares, parts, limits: None, arch: Arch::new() }, common)
+        (Abreast { runs, shares, parts, limits: ANYWHERE, arch: Arch::new() }, common)
     }
 
     /// Watches interactions, of which these are at rest, from how far each may go as a share: all may go as far as the
@@ -61,13 +61,13 @@ impl Abreast {
         mut at_rest: impl Iterator<Item = f64>,
         shares: impl Fn(f64) -> Option<[f64; 2]>,
     ) -> bool {
-        let all = [f64::NEG_INFINITY, f64::INFINITY];
         let least = |[low, high]: [f64; 2], size: f64| {
             let [own_low, own_high] = shares(size)?;
             Some([low.max(own_low), high.min(own_high)])
         };
-        self.limits = at_rest.try_fold(all, least);
-        self.limits.is_some()
+        let found = at_rest.try_fold(ANYWHERE, least);
+        self.limits = found.unwrap_or(ANYWHERE);
+        found.is_some()
     }
 
     /// Works out what is wanted of the interactions of a slab's owners, but for some, and adds forces to
@@ -112,6 +112,9 @@ struct Beside<const D: usize> {
     /// The next bond of the same vector, of other owners; [`NONE`] of the last.
     next: u32,
 }
+
+/// No limits.
+const ANYWHERE: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
 
 /// The upper triangle of a block in space, row by row.
 const UPPER: [[usize; 2]; 6] = [[0, 0], [0, 1], [0, 2], [1, 1], [1, 2], [2, 2]];
@@ -194,8 +197,7 @@ impl<C: Cliques<D>, const D: usize> Sweep<'_, C, D> {
         let Sweep { of, cliques, owners, wanted, axes, room, sum } = self;
         let (zero, one) = (Lanes::splat(simd, 0.0), Lanes::splat(simd, 1.0));
         let sum = wanted.has_energy().then_some(sum);
-        let limits =
-            of.limits.filter(|_| !PRODUCT).map(|limits| limits.map(|x| Lanes::splat(simd, x)));
+        let limits = of.limits.map(|x| Lanes::splat(simd, x));
         let has_forces = wanted.has_forces();
         let mut out = Added { refused: zero, sum, has_forces, limits, beyond: zero };
         let AbreastRoom { groups, bonds, first: first_of, .. } = room;
@@ -279,7 +281,7 @@ struct Added<'a, S: Simd> {
     sum: Option<&'a mut Sum>,
     has_forces: bool,
     /// See [`Abreast::limits`].
-    limits: Option<[Lanes<S>; 2]>,
+    limits: [Lanes<S>; 2],
     /// Above 0 where something has gone beyond them.
     beyond: Lanes<S>,
 }
@@ -289,10 +291,9 @@ impl<S: Simd> Added<'_, S> {
     /// owners that do not have them all are at rest.
     #[inline(always)]
     fn watch(&mut self, grown: Lanes<S>, whole: Lanes<S>, inside: Option<Lanes<S>>) {
-        if let Some([low, high]) = self.limits {
-            let grown = weighed(grown, inside);
-            self.beyond = self.beyond.max(grown - high * whole).max(low * whole - grown);
-        }
+        let [low, high] = self.limits;
+        let grown = weighed(grown, inside);
+        self.beyond = self.beyond.max(grown - high * whole).max(low * whole - grown);
     }
 }
 

@@ -4,6 +4,7 @@
 use std::ops::Range;
 use std::sync::Arc;
 
+use super::Elements;
 use super::quadratic::{AffineLaw, Quadratic, Shares};
 use crate::body::Body;
 use crate::element::Element;
@@ -208,5 +209,18 @@ impl AffineLaws<'_> {
             sum.add(&law.at(reference, direction, weight * part)?);
         }
         Some(sum)
+    }
+}
+
+impl Elements {
+    /// Kind by kind, in the order of [`Measure::ALL`], those of each law.
+    pub(super) fn by_kind(of_laws: Vec<Elements>) -> [Vec<Option<Box<dyn Element>>>; 3] {
+        let mut kinds = [const { Vec::new() }; 3];
+        for Elements { bond, triangle, tetrahedron } in of_laws {
+            kinds.iter_mut().zip([bond, triangle, tetrahedron]).for_each(|(kind, element)| {
+                kind.push(element);
+            });
+        }
+        kinds
     }
 }

@@ -18,7 +18,7 @@ use crate::geometry::bond::Bond;
 use crate::geometry::lanes::Lanes;
 use crate::geometry::squares::Root;
 use crate::geometry::{Scalar, dot, each};
-use crate::interaction::runs::{InRuns, KeptInRuns, Runs};
+use crate::interaction::runs::{InRuns, KeptInRuns, OF_BITS, Runs};
 use crate::neighborhood::Neighborhood;
 
 /// The bonds of a body in runs, with an affine law.
@@ -238,23 +238,6 @@ struct Ends<'a, S: Simd, const D: usize> {
     /// A bit for each bond, a byte for [`WIDEST`] of them.
     kept: Option<&'a [u8]>,
 }
-
-/// 1 for every bit of a byte, the lowest first, and 0 for those that are not there.
-static OF_BITS: [[f64; WIDEST]; 256] = {
-    let mut all = [[0.0; WIDEST]; 256];
-    let mut byte = 0;
-    while byte < 256 {
-        let mut bit = 0;
-        while bit < WIDEST {
-            if byte >> bit & 1 == 1 {
-                all[byte][bit] = 1.0;
-            }
-            bit += 1;
-        }
-        byte += 1;
-    }
-    all
-};
 
 /// What is added up over all bonds of a slab.
 struct Added<'a, S: Simd> {

@@ -190,6 +190,23 @@ impl KeptInRuns {
     }
 }
 
+/// 1 for every bit of a byte, the lowest first, and 0 for those that are not there.
+pub(crate) static OF_BITS: [[f64; WIDEST]; 256] = {
+    let mut all = [[0.0; WIDEST]; 256];
+    let mut byte = 0;
+    while byte < 256 {
+        let mut bit = 0;
+        while bit < WIDEST {
+            if byte >> bit & 1 == 1 {
+                all[byte][bit] = 1.0;
+            }
+            bit += 1;
+        }
+        byte += 1;
+    }
+    all
+};
+
 /// A number for every bond, run by run.
 pub(crate) struct InRuns {
     numbers: Vec<f64>,

@@ -2,7 +2,7 @@
 //!
 //! A family without a bond is a smaller family: the integrals that do not change are gathered anew over what
 //! is left, at the ends of bonds that go, and passes go over the lists of what is left. Rows of a lattice have
-//! gaps then, and are no longer used. A point that has lost all of its bonds keeps the integrals of its whole
+//! [gaps](super::gaps) then, where bodies at rest have no forces and energies; others are no longer used. A point that has lost all of its bonds keeps the integrals of its whole
 //! family, by which potentials divide; what changes with displacements is a sum over nothing.
 
 use std::sync::{Arc, OnceLock};
@@ -36,6 +36,9 @@ impl StateEnergy {
         self.neighborhood = Arc::clone(&whole.lost.neighborhood);
         self.rest.clone_from(&whole.rest);
         self.at_rest.clone_from(&whole.at_rest);
+        if let Some(rows) = &mut self.rows {
+            rows.make_whole(&whole.lost.neighborhood);
+        }
         self.take_out(&still);
     }
 
@@ -43,7 +46,6 @@ impl StateEnergy {
     fn take_out(&mut self, bonds: &[[usize; 2]]) {
         let gaps = Arc::make_mut(&mut self.neighborhood).take_out(bonds);
         gaps.close_bonds(&mut self.rest);
-        self.rows = None;
         (self.springs, self.bond_pattern) = (OnceLock::new(), OnceLock::new());
         let (left, alone): (Vec<usize>, Vec<usize>) = points_of(bonds)
             .into_iter()
@@ -53,6 +55,11 @@ impl StateEnergy {
             let m = self.n_integrals();
             for own in alone.iter().map(|point| point * m..(point + 1) * m) {
                 self.at_rest[own.clone()].copy_from_slice(&whole.at_rest[own]);
+            }
+            if let Some(mut rows) = self.rows.take()
+                && rows.lose(self, &whole.lost.neighborhood, (bonds, &left))
+            {
+                self.rows = Some(rows);
             }
         }
     }

@@ -11,7 +11,7 @@
 //! | `stiffness` | the same for the stored Hessian, and springs like it |
 //! | `broken` | families that lose bonds |
 //! | `functions` | conditions of gathered values under which bonds break, and what points remember next |
-//! | `rows`, `sweep` | along the rows of lattices, where laws are affine; the bonds of a slab there |
+//! | `rows`, `sweep`, `gaps` | along the rows of lattices, where laws are affine; the bonds of a slab there; bonds that are lost |
 //!
 //! The derivative goes the way back (reverse mode): `a_i = dw_i/dI_i`, then each bond has
 //! `t_ij = 1/2 dphi(l, I_i)/dl + sum_k a_ik g_k'` from either end, and the force at a point is
@@ -22,6 +22,7 @@
 
 mod broken;
 mod functions;
+mod gaps;
 mod linear;
 mod passes;
 mod rows;
@@ -41,7 +42,7 @@ use crate::energy::{Energy, Hessian, NonFinite, Wanted, check_sizes};
 use crate::fields::stored;
 use crate::fracture::{Asked, FamilyCriterion, FamilyNextState, Judged, Release};
 use crate::interaction::{Report, Slabs};
-use crate::kernel::{Batch, Law, Order, Outputs, Variables, VariablesLaw};
+use crate::kernel::{Batch, Law, Measure, Order, Outputs, Variables, VariablesLaw};
 use crate::materials::{Fields, Materials};
 use crate::matrix::{BlockMatrix, BlockPattern};
 use crate::neighborhood::Neighborhood;
@@ -316,6 +317,9 @@ impl StateEnergy {
             parts.iter_mut().zip(energies).for_each(|(part, (energy, _))| *part = *energy);
             return Ok(());
         }
+        if let Some(rows) = &self.rows {
+            rows.note_nothing();
+        }
         let order = if out.is_some() { Order::Gradient } else { Order::Energy };
         let states = self.states::<D>(u, order)?;
         if let Some(out) = out {
@@ -513,6 +517,20 @@ impl Energy for StateEnergy {
 
     fn singular(&self) -> Vec<usize> {
         self.whole.as_ref().map_or_else(Vec::new, |_| self.neighborhood.isolated())
+    }
+
+    fn watch(&mut self, limits: &[f32]) -> bool {
+        let Some(rows) = &mut self.rows else { return false };
+        let whole = self.whole.as_ref().map_or(&self.neighborhood, |of| &of.lost.neighborhood);
+        rows.watch(whole, limits, self.slabs.len());
+        true
+    }
+
+    fn exceeding(&self, measure: Measure) -> Option<Vec<Range<usize>>> {
+        let watched =
+            self.rows.as_ref().filter(|_| measure == Measure::Length)?.watched.as_ref()?;
+        let slabs = (0..self.slabs.len()).filter(|slab| watched.is_beyond(*slab));
+        Some(slabs.map(|slab| self.slabs.owners(slab)).collect())
     }
 
     fn lose(&mut self, bonds: &[usize]) {

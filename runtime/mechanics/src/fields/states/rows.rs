@@ -5,10 +5,13 @@
 //! which knows its ends by what they have gathered at rest, bond by bond. Points have kernels as ever.
 //! Whatever is not finite is refused and goes as on clouds, where it is named.
 
+use std::sync::atomic::{AtomicBool, Ordering};
+
 use pulp::Arch;
 use rayon::prelude::*;
 
 use super::StateEnergy;
+use super::gaps::Gaps;
 use super::passes::{States, Work, clear};
 use super::sweep::{AtPoints, Gathering, Pass, Pulling};
 use crate::assembly::quadratic::{AffineLaw, Quadratic};
@@ -20,6 +23,7 @@ use crate::interaction::runs::Runs;
 use crate::interaction::schedule::{Layout, Part, Touched, visit};
 use crate::kernel::{Variables, VariablesLaw};
 use crate::materials::{Fields, StateOf};
+use crate::neighborhood::Neighborhood;
 use crate::pool::{Pool, Taken};
 use crate::vector::are_finite;
 
@@ -40,7 +44,13 @@ pub(super) struct AlongRows {
     pub(super) linear: Option<Vec<f64>>,
     pub(super) bent: Vec<f64>,
     /// The energy of bonds at rest, in J.
-    at_rest: f64,
+    pub(super) at_rest: f64,
+    /// The first bond of each slab.
+    first_bond: Vec<usize>,
+    /// Where bonds are lost.
+    pub(super) gaps: Option<Box<Gaps>>,
+    /// Where somebody watches.
+    pub(super) watched: Option<Watched>,
     /// With room before and behind.
     pub(super) volumes: Vec<f64>,
     arch: Arch,
@@ -59,6 +69,24 @@ struct Room {
     gathered: Vec<f64>,
     /// Energies of slabs; nothing where something is not finite.
     energies: Vec<Option<Sum>>,
+}
+
+/// Bonds that are watched.
+pub(super) struct Watched {
+    /// How much longer a bond of each vector may become before it may break, in m.
+    pub(super) limits: Vec<f64>,
+    /// Whether some of each slab were beyond that when energies were last worked out.
+    are_beyond: Vec<AtomicBool>,
+}
+
+impl Watched {
+    pub(super) fn note(&self, slab: usize, is_beyond: bool) {
+        self.are_beyond[slab].store(is_beyond, Ordering::Relaxed);
+    }
+
+    pub(super) fn is_beyond(&self, slab: usize) -> bool {
+        self.are_beyond[slab].load(Ordering::Relaxed)
+    }
 }
 
 /// What the points that a slab touches get.
@@ -121,11 +149,40 @@ impl AlongRows {
             linear: is_stressed.then_some(linear),
             bent,
             at_rest,
+            first_bond: (0..energy.slabs.len()).map(|slab| energy.bonds_of(slab).start).collect(),
+            gaps: None,
+            watched: None,
             volumes: [&room, energy.body.volumes(), &room].concat(),
             arch: Arch::new(),
             room: Pool::new(),
             slabs: Pool::new(),
         })
+    }
+
+    /// See [`crate::energy::Energy::watch`]; bonds by their numbers in the `whole` families. Of all with one vector the
+    /// least counts.
+    pub(super) fn watch(&mut self, whole: &Neighborhood, limits: &[f32], n_slabs: usize) {
+        let mut least = vec![f64::INFINITY; self.integrands.len()];
+        for (ends, vector) in self.runs.bonds() {
+            let length = self.integrands[vector][0].reference;
+            let bond = whole.bond_between(ends);
+            let grown = bond.map_or(f64::NEG_INFINITY, |bond| f64::from(limits[bond]));
+            let square = length * length + grown;
+            let longer = match square > 0.0 && grown < f64::INFINITY {
+                true => grown / (square.sqrt() + length),
+                false => grown,
+            };
+            least[vector] = least[vector].min(longer);
+        }
+        let are_beyond = (0..n_slabs).map(|_| AtomicBool::new(true)).collect();
+        self.watched = Some(Watched { limits: least, are_beyond });
+    }
+
+    /// Nobody knows which bonds are beyond their limits.
+    pub(super) fn note_nothing(&self) {
+        if let Some(watched) = &self.watched {
+            (0..watched.are_beyond.len()).for_each(|slab| watched.note(slab, true));
+        }
     }
 
     /// From one kind of number of points to the next.
@@ -291,7 +348,7 @@ impl AlongRows {
         let OfSlab { own, other } = got;
         clear(own, numbers);
         clear(other, numbers);
-        let (first, first_bond) = (touched.start, energy.bonds_of(slab).start);
+        let (first, first_bond) = (touched.start, self.first_bond[slab]);
         Pass { rows: self, slab, first, first_bond, points, own, other }
     }
 
@@ -385,7 +442,7 @@ impl Bonds {
     ) {
         let Some(law) = &energy.laws.bonds else { return };
         let (m, volumes) = (energy.n_integrals(), energy.body.volumes());
-        let mut run_at_rest = AtRest::default();
+        let (mut run_at_rest, mut lengths_of_run) = (AtRest::default(), Vec::new());
         let mut bond = 0;
         for run in runs.of_slab(slab) {
             let (i, j, n) = (run.owner as usize, run.other as usize, run.len as usize);
@@ -397,7 +454,9 @@ impl Bonds {
                 given.clear();
                 given.resize(n, length);
                 energy.give(n, |k| [i + k, j + k], given);
-                run_at_rest.evaluate(law, length, (n, integrals));
+                lengths_of_run.clear();
+                lengths_of_run.resize(n, length);
+                run_at_rest.evaluate(law, &lengths_of_run, integrals);
                 let AtRest { psi, slopes, bends, .. } = &mut run_at_rest;
                 for k in 0..n {
                     let half = 0.5 * volumes[i + k] * volumes[j + k];
@@ -413,33 +472,34 @@ impl Bonds {
     }
 }
 
-/// The bonds of a run at rest, with what one of their ends has gathered, before their law.
+/// Bonds at rest, with what one of their ends has gathered, before their law.
 #[derive(Default)]
-struct AtRest {
+pub(super) struct AtRest {
     integrals: Vec<f64>,
     variables: Vec<f64>,
     change: Vec<f64>,
-    /// The length, and fields.
-    given: Vec<f64>,
+    /// Lengths, and fields.
+    pub(super) given: Vec<f64>,
     direction: Vec<f64>,
-    psi: Vec<f64>,
+    pub(super) psi: Vec<f64>,
     /// First derivatives by all variables, and what the length changes them by.
-    slopes: Vec<f64>,
-    bends: Vec<f64>,
+    pub(super) slopes: Vec<f64>,
+    pub(super) bends: Vec<f64>,
 }
 
 impl AtRest {
-    /// Of so many bonds, with the integrals of their ends.
-    fn evaluate(
+    /// Of bonds of these lengths, with the integrals of their ends; what is given is filled in.
+    pub(super) fn evaluate(
         &mut self,
         (law, laws): (&dyn VariablesLaw, &[u8]),
-        length: f64,
-        (n, integrals): (usize, &[f64]),
+        lengths: &[f64],
+        integrals: &[f64],
     ) {
+        let n = lengths.len();
         let m = integrals.len() / n;
         super::by_variables(integrals, m, &mut self.integrals);
         self.variables.clear();
-        self.variables.resize(n, length);
+        self.variables.extend_from_slice(lengths);
         self.variables.extend_from_slice(&self.integrals);
         self.direction.clear();
         self.direction.resize(n, 1.0);

@@ -14,6 +14,7 @@ use crate::geometry::bond::Bond;
 use crate::geometry::lanes::Lanes;
 use crate::geometry::squares::Root;
 use crate::geometry::{Scalar, dot, each};
+use crate::interaction::runs::OF_BITS;
 
 /// What passes read at points: of each kind of number one array over the whole body, with room for a
 /// register before and behind. Kinds that a pass does not read are empty.
@@ -62,7 +63,8 @@ impl<const D: usize, const N: usize, const PRODUCT: bool> WithSimd
     fn with_simd<S: Simd>(self, simd: S) -> Option<Sum> {
         let mut sum = Sum::default();
         let zero = Lanes::splat(simd, 0.0);
-        let mut refused = zero;
+        let (mut refused, mut beyond) = (zero, zero);
+        let (watched, slab) = (self.0.rows.watched.as_ref(), self.0.slab);
         walk::<S, D, N, N, PRODUCT>(
             simd,
             self.0,
@@ -82,6 +84,13 @@ impl<const D: usize, const N: usize, const PRODUCT: bool> WithSimd
                     (parts[0][k], parts[1][k]) = (part * there, part * here);
                 }
                 if !PRODUCT {
+                    if let Some(limit) = bonds.limit {
+                        let excess = now.t - limit;
+                        beyond = beyond.max(match inside {
+                            Some(inside) => inside.where_equal(zero, zero, excess),
+                            None => excess,
+                        });
+                    }
                     let mut slope = Lanes::new(simd, ends.bent[group]) * now.t;
                     if let Some(linear) = ends.linear {
                         slope = slope + Lanes::new(simd, linear[group]);
@@ -95,6 +104,9 @@ impl<const D: usize, const N: usize, const PRODUCT: bool> WithSimd
                 parts
             },
         );
+        if let (Some(watched), false) = (watched, PRODUCT) {
+            watched.note(slab, beyond.largest() > 0.0);
+        }
         is_fine(refused).then_some(sum)
     }
 }
@@ -203,6 +215,8 @@ struct Alike<S: Simd, const D: usize, const N: usize> {
     vector: [Lanes<S>; D],
     length: Lanes<S>,
     integrands: [Integrand<S>; N],
+    /// How much longer they may become before they may break, where somebody watches.
+    limit: Option<Lanes<S>>,
 }
 
 /// A register of bonds as they are.
@@ -315,7 +329,7 @@ fn walk<S: Simd, const D: usize, const N: usize, const K: usize, const PRODUCT: 
         (arrays::<N>(points.adjoint, stride), arrays::<N>(points.change, stride));
     let volume = [&rows.volumes[..]];
     let (mut own, mut other) = (arrays_mut::<K>(own, local), arrays_mut::<K>(other, local));
-    for run in rows.runs.of_slab(slab) {
+    for (run, place) in rows.runs.of_slab(slab).iter().zip(rows.runs.places(slab)) {
         let (vector, len) = (run.vector as usize, run.len as usize);
         let padded = len.next_multiple_of(Lanes::<S>::WIDTH);
         let laws = &rows.integrands[vector];
@@ -323,6 +337,7 @@ fn walk<S: Simd, const D: usize, const N: usize, const K: usize, const PRODUCT: 
             vector: each(|axis| Lanes::splat(simd, vectors[vector][axis])),
             length: Lanes::splat(simd, laws[0].reference),
             integrands: each(|k| Integrand::new(simd, &laws[k])),
+            limit: rows.watched.as_ref().map(|of| Lanes::splat(simd, of.limits[vector])),
         };
         let [i, j] = [run.owner, run.other].map(|point| point as usize + WIDEST);
         let ends = Ends::<S, D, N> {
@@ -337,18 +352,38 @@ fn walk<S: Simd, const D: usize, const N: usize, const K: usize, const PRODUCT: 
         let [i, j] = [i - first, j - first];
         let mut own = own.each_mut().map(|to| S::as_mut_simd_f64s(&mut to[i..i + padded]).0);
         let mut other = other.each_mut().map(|to| S::as_mut_simd_f64s(&mut to[j..j + padded]).0);
-        let full = len / Lanes::<S>::WIDTH;
-        for group in 0..full {
-            let parts = step(&bonds, &ends, group, None);
+        let kept = rows.kept(place);
+        for group in 0..padded / Lanes::<S>::WIDTH {
+            let parts = match inside_of(simd, (len, kept), group) {
+                None => step(&bonds, &ends, group, None),
+                inside => step(&bonds, &ends, group, inside),
+            };
             add(simd, &parts, [&mut own, &mut other], group);
-        }
-        if full * Lanes::<S>::WIDTH < len {
-            let inside = Lanes::ones(simd, len - full * Lanes::<S>::WIDTH);
-            let parts = step(&bonds, &ends, full, Some(inside));
-            add(simd, &parts, [&mut own, &mut other], full);
         }
         bond += len;
     }
+}
+
+/// 1 for the lanes of a register of a run of so many bonds that are bonds, and kept, else 0; nothing where all are.
+#[inline(always)]
+fn inside_of<S: Simd>(
+    simd: S,
+    (len, kept): (usize, Option<&[u8]>),
+    group: usize,
+) -> Option<Lanes<S>> {
+    let (width, first) = (Lanes::<S>::WIDTH, group * Lanes::<S>::WIDTH);
+    let last = (first + width > len).then(|| Lanes::ones(simd, len - first));
+    let Some(kept) = kept else { return last };
+    let (byte, shift) = (kept[first / WIDEST], first % WIDEST);
+    let all = u8::MAX >> (WIDEST - width);
+    if byte >> shift & all == all {
+        return last;
+    }
+    let there = Lanes::load(simd, &OF_BITS[usize::from(byte)], shift / width);
+    Some(match last {
+        Some(last) => last * there,
+        None => there,
+    })
 }
 
 #[inline(always)]

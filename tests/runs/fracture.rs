@@ -351,3 +351,25 @@ fn strains_look_at_bonds_that_are_left() {
     assert!(last.array("displacement").unwrap().values.iter().any(|u| *u > 0.19));
     assert!(last.array("strain").unwrap().values.iter().all(|e| e.abs() < 1e-9));
 }
+
+/// There are no tetrahedra in the plane, whatever conditions a potential has for them, and triangles without an energy
+/// have nothing to lose.
+#[test]
+fn conditions_of_what_has_no_energy_mean_nothing() {
+    for (c2, counted) in [(0.0, false), (1e14, true)] {
+        let law = "potential = \"javili2020_brittle\"";
+        let parameters =
+            format!("parameters = {{ C1 = 1e13, C2 = {c2:e}, s0 = 0.01, g0 = 0.005 }}");
+        let folder = torn(|scene| {
+            let scene = scene.replace("potential = \"brittle.piola\"", law);
+            scene.replace(law, &format!("{law}\n{parameters}"))
+        });
+        folder.run(&[]).expect(0);
+        let (header, rows) = table(&folder.out().join("motion.csv"));
+        let has = |name: &str| header.iter().any(|own| own == name);
+        assert_eq!([has("broken_areas"), has("broken_volumes")], [counted, false], "{header:?}");
+        let place = header.iter().position(|own| own == "broken_bonds").unwrap();
+        assert!(rows[rows.len() - 1][place] > rows[0][place]);
+        piola(&["plan", &folder.scene()]).expect(0);
+    }
+}

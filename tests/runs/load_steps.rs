@@ -313,8 +313,8 @@ fn a_double_notched_plate_releases_the_fracture_energy_of_its_crack() {
     assert!(rows.last("total") < 1e-3 * rows.last("released"));
 }
 
-/// Modified Newton goes on with its factors where a bond has broken, if they are dear: two factorisations an event
-/// in place of three, and the same events as with new ones.
+/// Modified Newton goes on with its factors where a bond has broken, if they are dear: two factorisations an event in
+/// place of the three of one that makes them anew behind breaks and the five of full Newton, and the same events.
 #[test]
 fn dear_factors_serve_behind_events() {
     let scene = "examples/double_notch/scene.toml";

@@ -13,6 +13,7 @@ mod coupled;
 mod dissipation;
 mod editor;
 mod explain_bond;
+mod extreme_fracture;
 mod extremes;
 mod family_states;
 mod fields;

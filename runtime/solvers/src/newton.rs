@@ -196,7 +196,8 @@ impl<'a> Newton<'a> {
     }
 
     /// The same where little has gone from the body: factors of modified Newton that are dear serve on as long as the
-    /// residual falls with them, for what breaks at an event is a change of low rank.
+    /// residual falls with them. What breaks at an event is a change of low rank; behind a round in which much breaks
+    /// they soon do not serve, and are made anew.
     pub fn forget_all_but_factors(&mut self) {
         let serve = self.factorized && self.is_modified() && self.linear.has_dear_factors();
         self.forget();

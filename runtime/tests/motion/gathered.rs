@@ -2,16 +2,44 @@
 
 use std::sync::Arc;
 
-use piola_compiler::{Form, Level, Mode, check_text};
-use piola_runtime::fracture::{Breaking, FamilyCriterion, Inspection};
+use piola_compiler::{Form, Level, Mode, Model, Values, check_text};
+use piola_runtime::body::Body;
+use piola_runtime::energy::Energy;
+use piola_runtime::fracture::{Breaking, FamilyCriterion, Fracture, Inspection};
 use piola_runtime::kernel::{Law, VariablesLaw};
+use piola_runtime::solve::Watch;
+use piola_runtime::solve::march::March;
+use piola_runtime::solve::motion::{Initial, Motion, MotionSettings};
 use piola_runtime::states::{StateEnergy, StateLaws};
 
-use crate::bonds::{Random, cloud};
+use crate::bonds::{Random, cloud, lattice};
 use crate::families_break::{Case, Left, breaking, flies_apart, the_foremost_goes_first};
+use crate::reference::go;
+use crate::{Conditions, damage};
 
 /// Above these break all bonds of a point, by its dilatation, and a bond, by its stretch beyond that of an end.
 const LIMITS: [f64; 2] = [0.35, 0.2];
+
+/// The energy of a text whose points gather theta, and with it what it was made of.
+fn solid(
+    (body, horizon): (&Arc<Body>, f64),
+    text: &str,
+    level: Level,
+) -> (Model, Values, StateEnergy) {
+    let (_, model) = check_text(text).unwrap();
+    let values = model.values(body.dimension(), &[], Some(horizon)).unwrap();
+    let kernels = model.compile(&values, Mode::Jit(level), Form::Accurate).unwrap();
+    let kernels = kernels.gathered.unwrap();
+    let laws = StateLaws {
+        of_law: Vec::new(),
+        integrals: kernels.integrals.into_iter().map(|g| Box::new(g) as Box<dyn Law>).collect(),
+        points: kernels.points.map(|law| Box::new(law) as Box<dyn VariablesLaw>),
+        bonds: kernels.bonds.map(|law| Box::new(law) as Box<dyn VariablesLaw>),
+        arguments: ["theta", "l, m"].map(String::from),
+    };
+    let energy = StateEnergy::new(Arc::clone(body), horizon, laws).unwrap();
+    (model, values, energy)
+}
 
 /// An ordinary state-based body.
 fn body((body, horizon): &Case, level: Level) -> Breaking {
@@ -22,24 +50,13 @@ fn body((body, horizon): &Case, level: Level) -> Breaking {
          psi(l, m) = 300/m*(l - L)^2\nbreak when theta > {volume}\n\
          break when l/L - 1 - theta/{d} > {beyond} and l > L\n"
     );
-    let (_, model) = check_text(&text).unwrap();
-    let values = model.values(d, &[], Some(*horizon)).unwrap();
-    let mode = Mode::Jit(level);
-    let kernels = model.compile(&values, mode, Form::Accurate).unwrap().gathered.unwrap();
-    let laws = StateLaws {
-        of_law: Vec::new(),
-        integrals: kernels.integrals.into_iter().map(|g| Box::new(g) as Box<dyn Law>).collect(),
-        points: kernels.points.map(|law| Box::new(law) as Box<dyn VariablesLaw>),
-        bonds: kernels.bonds.map(|law| Box::new(law) as Box<dyn VariablesLaw>),
-        arguments: ["theta", "l, m"].map(String::from),
-    };
-    let found = model.gathered_criteria(&values, mode, Form::Accurate).unwrap();
+    let (model, values, energy) = solid((body, *horizon), &text, level);
+    let found = model.gathered_criteria(&values, Mode::Jit(level), Form::Accurate).unwrap();
     let criterion = |(number, one): (usize, piola_compiler::GatheredCriterion)| {
         let (margin, holds_at_zero) = (Box::new(one.margin), one.holds_at_zero);
         FamilyCriterion::<Box<dyn VariablesLaw>> { layer: 0, law: 0, number, margin, holds_at_zero }
     };
     let criteria = found.into_iter().enumerate().map(criterion).collect();
-    let energy = StateEnergy::new(Arc::clone(body), *horizon, laws).unwrap();
     breaking(&(Arc::clone(body), *horizon), energy.with_criteria(criteria))
 }
 
@@ -93,5 +110,71 @@ fn the_foremost_of_what_is_gathered_goes_first() {
         the_foremost_goes_first(case, &energy, &u, &margins);
         // Of either end: its dilatation, and the stretch beyond it.
         assert_eq!(energy.look_at(0, &u).unwrap().margins.len(), 4);
+    }
+}
+
+/// Forces along the rows of a lattice say which bonds may break, also where rows have gaps and what broke comes back:
+/// what breaks is what breaks where all bonds are judged.
+#[test]
+fn what_rows_watch_breaks_as_what_is_judged() {
+    let bodies = [
+        (lattice(&[0.0, 0.0], &[30, 16], 0.1), 0.25),
+        (lattice(&[0.0, 0.0, 0.0], &[14, 4, 9], 0.1), 0.21),
+    ];
+    for case in &bodies {
+        let (body, horizon) = case;
+        let d = body.dimension();
+        let text = format!(
+            "potential p\nm = integral(L^2)\ntheta = {d}/m*integral(L*(l - L))\npsi(theta) = 60*theta^2\n\
+             psi(l, m) = 300/m*(l - L)^2\n"
+        );
+        let made = |along_rows: bool| {
+            let (_, _, energy) = solid((body, *horizon), &text, Level::Fast);
+            assert_eq!(energy.report().ways, ["families", "rows"]);
+            let energy = if along_rows { energy } else { energy.in_batches() };
+            let criterion = ("l/L - 1 > s0", 0.12, Level::Fast);
+            damage::breaking((body, *horizon), Box::new(energy), criterion, &[3, 4])
+        };
+        let (watched, judged) = (made(true), made(false));
+        let n = body.positions().len();
+        let mut random = Random(9);
+        let x = |dof: usize| body.positions()[dof - dof % d];
+        // One end flies apart, and waves run to the other.
+        let velocity = |dof: usize| match x(dof) < 0.5 {
+            true => 6.0 * body.positions()[dof] + 2.0 * random.next(),
+            false => 0.0,
+        };
+        let velocities: Vec<f64> = (0..n).map(velocity).collect();
+        let start = Initial { displacements: vec![0.0; n], velocities };
+        let drive = Conditions { loads: vec![0.0; n], ..Conditions::default() };
+        let settings =
+            MotionSettings { end: 0.1, step: Some(1e-3), rows: 100, ..MotionSettings::default() };
+        let watch = Watch::default();
+        let made = Motion::new(&watched, body.volumes(), start, &drive, &settings, &watch);
+        let mut motion = made.unwrap();
+        let still = vec![0.0; n];
+        let mut early = None;
+        for step in 0..=100 {
+            go(&mut motion, step);
+            let u = motion.state().displacements;
+            judged.advance(u, 0.0, (0.0, &still)).unwrap();
+            assert_eq!(watched.broken(), judged.broken(), "step {step}");
+            if step == 40 {
+                early = Some((watched.gone(), u.to_vec()));
+            }
+        }
+        let (last, (gone, u)) = (motion.state().displacements.to_vec(), early.unwrap());
+        let n_broken = watched.broken().len();
+        println!("{n_broken} of {} bonds", watched.n_bonds());
+        assert!(gone.bonds.len() > 10 && n_broken > gone.bonds.len());
+        drop(motion);
+        for u in [&u, &last] {
+            for energy in [&watched, &judged] {
+                energy.restore(&gone);
+                energy.forces(u, &mut still.clone()).unwrap();
+                energy.advance_behind_forces(u, (0.0, &still)).unwrap();
+            }
+            assert_eq!(watched.broken(), judged.broken());
+        }
     }
 }

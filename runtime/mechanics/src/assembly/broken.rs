@@ -134,7 +134,14 @@ impl DiscreteEnergy {
                 return vec![owners];
             }
             let has_lost = |owner: &usize| lost.is_some_and(|lost| lost.owners().has(*owner));
-            owners.filter(has_lost).map(|owner| owner..owner + 1).collect()
+            let mut found: Vec<Range<usize>> = Vec::new();
+            for owner in owners.filter(has_lost) {
+                match found.last_mut().filter(|last| last.end == owner) {
+                    Some(last) => last.end += 1,
+                    None => found.push(owner..owner + 1),
+                }
+            }
+            found
         };
         Some((0..self.slabs.len()).flat_map(of_slab).collect())
     }
@@ -147,10 +154,8 @@ impl DiscreteEnergy {
             (Measure::Volume, _, Some(all)) => all.watch(limits),
             _ => false,
         };
-        if is_watched {
-            let n = self.slabs.len();
-            self.exceeded[measure as usize].resize_with(n, || AtomicBool::new(true));
-        }
+        let n_slabs = if is_watched { self.slabs.len() } else { 0 };
+        self.exceeded[measure as usize].resize_with(n_slabs, || AtomicBool::new(true));
         is_watched
     }
 

@@ -18,7 +18,7 @@ use crate::geometry::bond::Bond;
 use crate::geometry::lanes::Lanes;
 use crate::geometry::squares::Root;
 use crate::geometry::{Scalar, dot, each};
-use crate::interaction::runs::{InRuns, KeptInRuns, OF_BITS, Runs};
+use crate::interaction::runs::{InRuns, KeptInRuns, Runs, there};
 use crate::neighborhood::Neighborhood;
 
 /// The bonds of a body in runs, with an affine law.
@@ -288,11 +288,7 @@ fn step<S: Simd, const D: usize, const WAY: u8, const PRODUCT: bool, const LAST:
     // Broken bonds have the factor 0.
     let factor = match (ends.factors, ends.kept) {
         (Some(factors), _) => Some(lanes(factors[group])),
-        (None, Some(kept)) => {
-            let (first, width) = (group * Lanes::<S>::WIDTH, Lanes::<S>::WIDTH);
-            let bits = &OF_BITS[usize::from(kept[first / WIDEST])];
-            Some(Lanes::load(simd, bits, first % WIDEST / width))
-        }
+        (None, Some(kept)) => Some(there(simd, kept, group)),
         (None, None) => None,
     };
     if let Some(limit) = bond.limit {

@@ -1,7 +1,7 @@
 //! Which triangles and tetrahedra break by a criterion of their own, and which are closest to that.
 //!
-//! All that are left are judged, each by the laws that it takes. Those whose edges are broken are gone
-//! already.
+//! All that are left are judged, each by the laws that it takes, or behind forces those of owners among which passes
+//! of forces have seen some beyond their limits. Those whose edges are broken are gone already.
 
 use std::ops::Range;
 
@@ -150,10 +150,8 @@ impl Judge<'_> {
         let (body, _) = self.walk.around;
         let OfOwners { measure, .. } = self.kind.cliques;
         let owners = owners.unwrap_or_else(|| std::iter::once(0..body.n_points()).collect());
-        let pieces = owners.into_iter();
-        let pieces = pieces.flat_map(|owners| self.kind.cliques.pieces(owners, usize::MAX));
-        let pieces: Vec<(usize, Range<usize>)> = pieces.collect();
-        let found = pieces.into_par_iter().map(|piece| {
+        let pieces = self.kind.cliques.by_slabs(&owners).into_par_iter();
+        let found = pieces.map(|piece| {
             let found = match (body.dimension(), measure) {
                 (2, _) => self.piece::<2, 2>(piece),
                 (_, Measure::Area) => self.piece::<3, 2>(piece),
@@ -167,12 +165,13 @@ impl Judge<'_> {
 
     fn piece<const D: usize, const K: usize>(
         &self,
-        piece: (usize, Range<usize>),
+        (slab, owners): (usize, Vec<Range<usize>>),
     ) -> Result<WithMargins, NonFinite> {
         let OfKind { cliques, .. } = self.kind;
         let mut found = Found { room: Room::new(cliques.measure, D), all: Vec::new() };
         let is_left_out = |point: usize| self.is_unbreakable[point];
-        cliques.show::<D, K>(self.walk, piece, is_left_out, |listed, lanes| {
+        let owners = owners.into_iter().flatten();
+        cliques.show::<D, K>(self.walk, (slab, owners), is_left_out, |listed, lanes| {
             self.listed::<D, K>((listed, lanes), &mut found)
         })?;
         // Of several criteria the largest margin comes first.

@@ -17,6 +17,7 @@ use crate::body::Body;
 use crate::element::{CAPACITY, Contributions, Element, InteractionBatch, MeasureElement};
 use crate::energy::{Argument, NonFinite};
 use crate::geometry::{dot, each};
+use crate::interaction::n_neighbors;
 use crate::kernel::{Law, Measure};
 use crate::materials::{Materials, Parts};
 use crate::neighborhood::Neighborhood;
@@ -26,7 +27,8 @@ use ties::Ties;
 /// Owners whose bonds are judged by one task; fixed, so that results do not depend on threads.
 pub(super) const CHUNK: usize = 1024;
 
-/// Bonds, triangles and tetrahedra are judged exactly from this share of what they may grow on: rounding is far below.
+/// Bonds, triangles and tetrahedra are judged exactly from this share of what they may grow on: rounding
+/// is far below, but where a body's extent over a bond's length is 1e10 times the threshold and strains come from positions.
 pub(super) const NEARLY: f64 = 1.0 - 1e-6;
 
 /// One condition under which bonds, triangles or tetrahedra break.
@@ -247,6 +249,8 @@ impl Margins {
         let nothing = || (0..n_laws).map(|_| Vec::new()).collect::<Vec<Vec<Margin>>>();
         let mut all: [Vec<Vec<Margin>>; 3] = [nothing(), nothing(), nothing()];
         for (law, own) in layer.of_law.into_iter().enumerate() {
+            // There are no tetrahedra in the plane.
+            let own = own.into_iter().filter(|one| n_neighbors(one.measure) <= dimension);
             for Criterion { measure, margin, holds_at_zero } in own {
                 let element = MeasureElement::new(measure, dimension, margin);
                 all[measure as usize][law].push(Margin { element, holds_at_zero, at_rest: 0.0 });

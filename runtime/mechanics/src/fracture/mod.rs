@@ -76,8 +76,8 @@ pub trait Fracture: Inspection {
     fn advance(&self, u: &[f64], dt: f64, way: (f64, &[f64])) -> Result<Release, NonFinite>;
 
     /// The same where the energy has worked out forces at these displacements just before, and nothing since,
-    /// and bonds [remember nothing](Fracture::n_states): they are judged only where that pass has seen some
-    /// beyond their limits. If any break, the forces are no longer those of the body.
+    /// and nothing is [remembered](Fracture::n_states): bonds, triangles and tetrahedra are judged only where that pass has
+    /// seen some beyond their limits. If any break, the forces are no longer those of the body.
     ///
     /// # Errors
     /// As [`Fracture::advance`].

@@ -91,11 +91,32 @@ impl OfOwners {
         (0..self.slabs.len()).flat_map(of_slab).collect()
     }
 
+    /// These owners, ascending, slab by slab; those of slabs without any are left out.
+    pub(super) fn by_slabs(&self, owners: &[Range<usize>]) -> Vec<(usize, Vec<Range<usize>>)> {
+        let mut all: Vec<(usize, Vec<Range<usize>>)> = Vec::new();
+        let mut slab = 0;
+        for range in owners {
+            let mut start = range.start;
+            while start < range.end {
+                while self.slabs.owners(slab).end <= start {
+                    slab += 1;
+                }
+                let end = self.slabs.owners(slab).end.min(range.end);
+                match all.last_mut().filter(|last| last.0 == slab) {
+                    Some(last) => last.1.push(start..end),
+                    None => all.push((slab, vec![start..end])),
+                }
+                start = end;
+            }
+        }
+        all
+    }
+
     /// Shows the cliques that are left of some owners of a slab, each once, in lists of at most [`CAPACITY`].
     pub(super) fn show<'a, const D: usize, const K: usize>(
         &'a self,
         walk: Walk<'a>,
-        (slab, owners): (usize, Range<usize>),
+        (slab, owners): (usize, impl Iterator<Item = usize>),
         is_left_out: impl Fn(usize) -> bool,
         mut see: impl FnMut(&Listed<'a, '_, D>, &[Clique]) -> Result<(), NonFinite>,
     ) -> Result<(), NonFinite> {

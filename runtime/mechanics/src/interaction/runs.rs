@@ -10,9 +10,12 @@
 use std::collections::BTreeMap;
 use std::ops::Range;
 
+use pulp::Simd;
+
 use super::Slabs;
 use crate::body::Body;
 use crate::element::WIDEST;
+use crate::geometry::lanes::Lanes;
 use crate::materials::Materials;
 use crate::neighborhood::Neighborhood;
 
@@ -191,7 +194,7 @@ impl KeptInRuns {
 }
 
 /// 1 for every bit of a byte, the lowest first, and 0 for those that are not there.
-pub(crate) static OF_BITS: [[f64; WIDEST]; 256] = {
+static OF_BITS: [[f64; WIDEST]; 256] = {
     let mut all = [[0.0; WIDEST]; 256];
     let mut byte = 0;
     while byte < 256 {
@@ -206,6 +209,14 @@ pub(crate) static OF_BITS: [[f64; WIDEST]; 256] = {
     }
     all
 };
+
+/// 1 for the bits of a register of a run, a byte for [`WIDEST`] bonds, and 0 for those that are not there.
+#[inline(always)]
+pub(crate) fn there<S: Simd>(simd: S, kept: &[u8], group: usize) -> Lanes<S> {
+    let (first, width) = (group * Lanes::<S>::WIDTH, Lanes::<S>::WIDTH);
+    let bits = &OF_BITS[usize::from(kept[first / WIDEST])];
+    Lanes::load(simd, bits, first % WIDEST / width)
+}
 
 /// A number for every bond, run by run.
 pub(crate) struct InRuns {

@@ -9,7 +9,7 @@ use piola_mechanics::deformation::influence::{Constant, CubicSpline, Influence, 
 use piola_mechanics::deformation::{DeformationEnergy, Discretisation, Formulation, Stabilisation};
 use piola_mechanics::energy::{Energy, Term, Total};
 use piola_mechanics::fracture::{criteria, memory};
-use piola_mechanics::kernel::{Law, VariablesLaw};
+use piola_mechanics::kernel::{Law, Measure, VariablesLaw};
 use piola_mechanics::materials::{ByMaterial, Fields, MaterialLaw, Materials};
 use piola_mechanics::neighborhood::Neighborhood;
 use piola_mechanics::sheet::Thick;
@@ -40,7 +40,19 @@ impl Case {
         mut compiled: Vec<Compiled>,
     ) -> Result<(Total<'static>, FieldsInTime<'_>), CaseError> {
         let n_laws = self.scene.n_laws();
-        let criteria = of_layers(&mut compiled, n_laws, |one| take(&mut one.criteria), criterion);
+        // Triangles and tetrahedra without an energy have nothing to lose.
+        let has = Measure::ALL.map(|measure| {
+            measure == Measure::Length || compiled.iter().any(|one| one.measures.contains(&measure))
+        });
+        let criteria = of_layers(
+            &mut compiled,
+            n_laws,
+            |one| {
+                let all = take(&mut one.criteria).into_iter();
+                all.filter(|one| has[one.measure() as usize]).collect()
+            },
+            criterion,
+        );
         let states = of_layers(&mut compiled, n_laws, |one| take(&mut one.next_states), next_state);
         let fields = FieldsInTime::new(self).map_err(|wrong| self.wrong_field(wrong))?;
         let horizon = self.scene.horizon_radius();

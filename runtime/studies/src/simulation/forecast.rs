@@ -101,6 +101,8 @@ impl Case {
             None => self.outline_of_points(needed)?,
         };
         let without_kernels = self.without_kernels(&compiled, extent.is_lattice);
+        let [areas, volumes] = self.can_break_cliques();
+        let breaks_cliques = [areas && needed.triangles, volumes && needed.tetrahedra];
         let plan = Plan::new(PlanInput {
             scene: &self.scene,
             extent,
@@ -109,7 +111,7 @@ impl Case {
             energies: costs(&compiled),
             without_kernels,
             breaks: self.can_break(),
-            breaks_cliques: self.can_break_cliques(),
+            breaks_cliques,
             states: self.n_states_of(),
             of_interactions: layers(&compiled, Compiled::has_interactions),
             families: self.families(&compiled),

@@ -14,7 +14,7 @@ use crate::geometry::bond::Bond;
 use crate::geometry::lanes::Lanes;
 use crate::geometry::squares::Root;
 use crate::geometry::{Scalar, dot, each};
-use crate::interaction::runs::OF_BITS;
+use crate::interaction::runs::there;
 
 /// What passes read at points: of each kind of number one array over the whole body, with room for a
 /// register before and behind. Kinds that a pass does not read are empty.
@@ -379,7 +379,7 @@ fn inside_of<S: Simd>(
     if byte >> shift & all == all {
         return last;
     }
-    let there = Lanes::load(simd, &OF_BITS[usize::from(byte)], shift / width);
+    let there = there(simd, kept, group);
     Some(match last {
         Some(last) => last * there,
         None => there,

@@ -82,6 +82,7 @@ pub mod lattice;
 pub mod materials;
 pub mod matrix;
 pub mod neighborhood;
+pub mod pace;
 mod pool;
 pub mod sheet;
 pub mod surface;

@@ -4,15 +4,14 @@
 //! It is measured in a second, and kept in a file that the caller names. A file of another
 //! machine, of another version or without sense is measured anew: it is never an error.
 
-use std::hint::black_box;
 use std::path::Path;
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
+use piola_mechanics::pace::{self, Triad};
 use piola_output::OutputError;
 use piola_output::atomic::write_atomically;
 use piola_solvers::linear::DenseCholesky;
-use pulp::{Arch, Simd, WithSimd};
 use serde::{Deserialize, Serialize};
 
 use crate::plan::available_memory;
@@ -117,7 +116,7 @@ impl Machine {
         Machine {
             version: env!("CARGO_PKG_VERSION").to_string(),
             processor: processor().unwrap_or_else(|| std::env::consts::ARCH.to_string()),
-            lanes: Arch::new().dispatch(Width),
+            lanes: pace::lanes(),
             threads: std::thread::available_parallelism().map_or(1, usize::from),
             one: Rates::NONE,
             all: Rates::NONE,
@@ -172,11 +171,9 @@ fn bandwidth(threads: usize, at_once: impl Fn(&(dyn Fn(usize) + Sync))) -> f64 {
 
 /// Multiply-adds per s of this thread.
 fn arithmetic() -> f64 {
-    let arch = Arch::new();
-    let seconds = least_seconds(|| {
-        black_box(arch.dispatch(Sums));
-    });
-    (SUMS * STEPS * arch.dispatch(Width)) as f64 / seconds
+    let mut made = 0;
+    let seconds = least_seconds(|| made = pace::multiply_adds());
+    made as f64 / seconds
 }
 
 /// Unknowns of a dense factorisation: as many as a large supernode has.
@@ -203,66 +200,6 @@ fn least_seconds(mut work: impl FnMut()) -> f64 {
     }
     // A clock that stands still gives no rate.
     least.max(1e-9)
-}
-
-/// The arrays of a triad.
-#[derive(Default)]
-struct Triad {
-    a: Vec<f64>,
-    b: Vec<f64>,
-    c: Vec<f64>,
-}
-
-impl Triad {
-    /// `a = b + s c` over so many numbers.
-    fn pass(&mut self, numbers: usize) {
-        self.a.resize(numbers, 0.0);
-        self.b.resize(numbers, 1.0);
-        self.c.resize(numbers, 2.0);
-        let s = black_box(3.0);
-        for ((a, b), c) in self.a.iter_mut().zip(&self.b).zip(&self.c) {
-            *a = b + s * c;
-        }
-        black_box(&self.a);
-    }
-}
-
-/// Sums that go on side by side, as many as hide how long one takes.
-const SUMS: usize = 12;
-
-/// Multiply-adds of each.
-const STEPS: usize = 1 << 16;
-
-/// Multiply-adds in registers.
-struct Sums;
-
-impl WithSimd for Sums {
-    type Output = f64;
-
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) -> f64 {
-        let (factor, term) = black_box((0.999, 0.001));
-        let (factor, term) = (simd.splat_f64s(factor), simd.splat_f64s(term));
-        let mut sums = [simd.splat_f64s(1.0); SUMS];
-        for _ in 0..STEPS {
-            for sum in &mut sums {
-                *sum = simd.mul_add_e_f64s(*sum, factor, term);
-            }
-        }
-        sums.into_iter().map(|sum| simd.reduce_sum_f64s(sum)).sum()
-    }
-}
-
-/// Numbers of 64 bits in a register.
-struct Width;
-
-impl WithSimd for Width {
-    type Output = usize;
-
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) -> usize {
-        S::F64_LANES
-    }
 }
 
 #[cfg(test)]

@@ -104,7 +104,7 @@ impl OfOwners {
                 let end = self.slabs.owners(slab).end.min(range.end);
                 match all.last_mut().filter(|last| last.0 == slab) {
                     Some(last) => last.1.push(start..end),
-                    None => all.push((slab, vec![start..end])),
+                    None => all.push((slab, std::iter::once(start..end).collect())),
                 }
                 start = end;
             }

@@ -14,7 +14,7 @@ use piola_runtime::energy::Energy;
 use crate::support::{Random, repository};
 
 /// Every potential of the library with an energy of `F`, with values.
-pub(crate) const MATERIALS: [(&str, &[(&str, f64)]); 17] = [
+pub(crate) const MATERIALS: [(&str, &[(&str, f64)]); 18] = [
     ("arruda_boyce", &[("mu", 1.0), ("N", 5.0), ("K", 5.0)]),
     ("blatz_ko", &[("mu", 1.0), ("f", 0.6), ("nu", 0.3)]),
     ("exponentiated_hencky", &[("mu", 1.0), ("K", 4.0), ("k", 0.6), ("q", 0.4)]),
@@ -43,6 +43,7 @@ pub(crate) const MATERIALS: [(&str, &[(&str, f64)]); 17] = [
     ("neo_hooke_stable", &[("lambda", 3.0), ("mu", 1.0)]),
     ("ogden", &[("mu1", 0.8), ("alpha1", 1.3), ("mu2", -0.4), ("mu3", 0.1), ("K", 5.0)]),
     ("st_venant_kirchhoff", &[("lambda", 1.5), ("mu", 1.0)]),
+    ("st_venant_kirchhoff_brittle", &[("K", 2.0), ("G", 1.0), ("Gc", 1.0)]),
     ("yeoh", &[("C1", 0.5), ("C2", 0.1), ("C3", 0.2), ("K", 5.0)]),
 ];
 
@@ -124,7 +125,7 @@ fn everywhere(test: impl Fn(&str, &DeformationEnergy, &[f64])) {
             }
         }
     }
-    assert_eq!(tried, 3 * (9 * 2 + 8), "potentials, dimensions and discretisations");
+    assert_eq!(tried, 3 * (9 * 2 + 9), "potentials, dimensions and discretisations");
 }
 
 fn gradient(energy: &DeformationEnergy, u: &[f64]) -> Vec<f64> {

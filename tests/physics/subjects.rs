@@ -66,6 +66,7 @@ fn of_the_library(name: &str) -> Vec<Material> {
     };
     match name {
         "javili2020" => three_kinds("javili2020", None).into(),
+        "javili2020_brittle" => three_kinds("javili2020_brittle", None).into(),
         "logarithmic" => three_kinds("logarithmic", None).into(),
         "firooz2023" => [-2.0, -1.0, 0.0, 0.5, 1.0, 2.0]
             .into_iter()
@@ -81,6 +82,9 @@ fn of_the_library(name: &str) -> Vec<Material> {
         | "fatigue"
         | "standard_linear_solid" => Vec::new(),
         "miranda_modified_stretch" => vec![bonds_in_space("miranda_modified_stretch")],
+        "miranda_modified_stretch_brittle" => {
+            vec![bonds_in_space("miranda_modified_stretch_brittle")]
+        }
         "tension_only" => bonds("tension_only", "C1", C[0]).into(),
         // As stiff at rest: psi'' = 2*alpha^2*D/L with alpha = 3, and 72*D/L.
         "morse" => bonds("morse", "D", C[0] / 18.0).into(),

@@ -9,7 +9,7 @@ fn pulled(potential: &str, parameters: &str, density: f64, more: &str) -> SceneF
     SceneFolder::new(&format!(
         "[body]\nbox = [[0, 0, 0], [0.08, 0.03, 0.03]]\nspacing = 0.01\n[horizon]\nspacings = 2.015\n\
          [material]\npotential = \"{potential}\"\ndensity = {density:e}\nparameters = {{ {parameters} }}\n\
-         [sets]\nleft = \"X < 0.01\"\nright = \"X > 0.07\"\n[fracture]\nunbreakable = [\"left\", \"right\"]\n\
+         [sets]\nall = \"X > 0\"\nleft = \"X < 0.01\"\nright = \"X > 0.07\"\n[fracture]\nunbreakable = [\"left\", \"right\"]\n\
          {more}"
     ))
 }
@@ -61,23 +61,27 @@ fn the_same_breaks_whatever_joules_are() {
     }
 }
 
-/// With 1e-30 J/m^2 and 1 Pa bonds break at a stretch of 5e-15, and not from rounding; with 1e30 they hold.
+/// With 1e-40 J/m^2 and 1 Pa bonds break at a stretch of 5e-20, far below what the last digit of a place stretches them
+/// by, and not where the body stands aside; with 1e30 they hold.
 #[test]
 fn nothing_breaks_by_itself_and_nothing_breaks_what_holds() {
     for potential in ["prototype_microelastic_brittle", "miranda_modified_stretch_brittle"] {
-        let broken = |energy: &str, opening: f64| {
+        let broken = |energy: &str, aside: f64, opening: f64| {
             let more = format!(
-                "[[prescribe]]\nset = \"left\"\nu = [{:e}, 0, 0]\n[[prescribe]]\nset = \"right\"\nu = [{opening:e}, 0, 0]\n\
+                "[[prescribe]]\nset = \"left\"\nu = [{:e}, 0, 0]\n[[prescribe]]\nset = \"right\"\nu = [{:e}, 0, 0]\n\
+                 [[initial]]\nset = \"all\"\nu = [{aside:e}, 0, 0]\n\
                  [motion]\nend = 1\nstep = 1e-3\n[output]\nrows = 10\n",
-                -opening
+                aside - opening,
+                aside + opening
             );
             let folder = pulled(potential, &format!("K = 1, Gc = {energy}"), 1.0, &more);
             let (of, _) = run(&folder);
             let broken = of("broken_bonds");
             broken[broken.len() - 1]
         };
-        assert_eq!(broken("1e-30", 0.0), 0.0, "{potential}");
-        assert!(broken("1e-30", 1e-15) > 50.0, "{potential}");
-        assert_eq!(broken("1e30", 5e-3), 0.0, "{potential}");
+        assert_eq!(broken("1e-40", 0.0, 0.0), 0.0, "{potential}");
+        assert_eq!(broken("1e-40", 0.7, 0.0), 0.0, "{potential}");
+        assert!(broken("1e-40", 0.0, 1e-20) > 50.0, "{potential}");
+        assert_eq!(broken("1e30", 0.0, 5e-3), 0.0, "{potential}");
     }
 }

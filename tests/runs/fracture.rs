@@ -370,6 +370,7 @@ fn conditions_of_what_has_no_energy_mean_nothing() {
         assert_eq!([has("broken_areas"), has("broken_volumes")], [counted, false], "{header:?}");
         let place = header.iter().position(|own| own == "broken_bonds").unwrap();
         assert!(rows[rows.len() - 1][place] > rows[0][place]);
-        piola(&["plan", &folder.scene()]).expect(0);
+        let plan = piola(&["plan", &folder.scene()]).expect(0);
+        assert_eq!(plan.stdout.contains("status of cliques"), counted, "{}", plan.stdout);
     }
 }

@@ -16,7 +16,7 @@ Values = NDArray[np.float64]
 # Of the crack is what has lost so much of its family; a point beside a crack through all bonds has 0.4 and more.
 DAMAGED = 0.35
 
-LAW = "../boundary_tension/st_venant_kirchhoff_brittle.piola"
+LAW = "st_venant_kirchhoff_brittle"  # of the library
 
 
 def gradients(bulk: float, shear: float, gc: float, kernel: str, **settings: Any) -> dict[str, Any]:

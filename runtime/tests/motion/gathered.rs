@@ -6,7 +6,7 @@ use piola_compiler::{Form, Level, Mode, Model, Values, check_text};
 use piola_runtime::body::Body;
 use piola_runtime::energy::Energy;
 use piola_runtime::fracture::{Breaking, FamilyCriterion, Fracture, Inspection};
-use piola_runtime::kernel::{Law, VariablesLaw};
+use piola_runtime::kernel::{Law, Measure, VariablesLaw};
 use piola_runtime::solve::Watch;
 use piola_runtime::solve::march::March;
 use piola_runtime::solve::motion::{Initial, Motion, MotionSettings};
@@ -135,6 +135,17 @@ fn what_rows_watch_breaks_as_what_is_judged() {
             let criterion = ("l/L - 1 > s0", 0.12, Level::Fast);
             damage::breaking((body, *horizon), Box::new(energy), criterion, &[3, 4])
         };
+        let (_, _, mut energy) = solid((body, *horizon), &text, Level::Fast);
+        let n_bonds = made(true).n_bonds();
+        assert!(energy.watch(&vec![1e-3; n_bonds]));
+        energy
+            .forces(&vec![0.0; body.positions().len()], &mut vec![0.0; body.positions().len()])
+            .unwrap();
+        assert_eq!(
+            energy.exceeding(Measure::Length),
+            Some(Vec::new()),
+            "nothing is judged at rest"
+        );
         let (watched, judged) = (made(true), made(false));
         let n = body.positions().len();
         let mut random = Random(9);
@@ -175,6 +186,8 @@ fn what_rows_watch_breaks_as_what_is_judged() {
                 energy.advance_behind_forces(u, (0.0, &still)).unwrap();
             }
             assert_eq!(watched.broken(), judged.broken());
+            let is_later = u == &last;
+            assert_eq!(watched.broken().len() > gone.bonds.len(), is_later);
         }
     }
 }

@@ -27,8 +27,9 @@ use ties::Ties;
 /// Owners whose bonds are judged by one task; fixed, so that results do not depend on threads.
 pub(super) const CHUNK: usize = 1024;
 
-/// Bonds, triangles and tetrahedra are judged exactly from this share of what they may grow on: rounding
-/// is far below, but where a body's extent over a bond's length is 1e10 times the threshold and strains come from positions.
+/// Bonds, triangles and tetrahedra are judged exactly from this share of what they may grow on. Rounding is far below,
+/// unless strains come from positions and a body is 1e10 times as large as its bonds times their threshold: there one
+/// may be found a step late.
 pub(super) const NEARLY: f64 = 1.0 - 1e-6;
 
 /// One condition under which bonds, triangles or tetrahedra break.

@@ -65,8 +65,9 @@ pub use tangent::Tangent;
 pub(super) use tangent::absolute_of_diagonal;
 
 /// Factors are dear from so many operations per non-zero on, of which a solve takes four. An event of a body that breaks
-/// saves a factorisation by some six solves and passes of forces: together these took as long as the factorisation in a
-/// plane body of 1,000 points (100 operations per non-zero), less in one of 12,000 (300) and in a bar in space (250).
+/// saves a factorisation by some six solves and passes of forces: together these took longer than the factorisation in
+/// a plane body of 1,000 points (100 operations per non-zero), as long in one of 12,000 (300), less in a bar in space
+/// (250).
 const DEAR: f64 = 200.0;
 
 /// What the solver holds for the matrix it was last given.

@@ -155,7 +155,8 @@ pub enum Wanted<'a> {
     Diagonal(&'a mut [f64], &'a mut [f64]),
 }
 
-/// How much triangles or tetrahedra of one measure at rest may shrink and grow; nothing where that is not known.
+/// Of triangles of one area at rest in m^2, or tetrahedra of one volume in m^3: by how much that may change before one
+/// may break, the least (below 0) and the most, in the same unit; nothing where it is not known.
 pub type Limits<'a> = dyn Fn(f64) -> Option<[f64; 2]> + 'a;
 
 /// An energy `E(u)` of a body, its gradient and its Hessian; all are exact derivatives of one energy.

@@ -6,16 +6,16 @@ use piola_compiler::{Form, Level, Mode, Model, Values, check_text};
 use piola_runtime::body::Body;
 use piola_runtime::energy::Energy;
 use piola_runtime::fracture::{Breaking, FamilyCriterion, Fracture, Inspection};
-use piola_runtime::kernel::{Law, Measure, VariablesLaw};
+use piola_runtime::kernel::{Measure, VariablesLaw};
 use piola_runtime::solve::Watch;
 use piola_runtime::solve::march::March;
 use piola_runtime::solve::motion::{Initial, Motion, MotionSettings};
-use piola_runtime::states::{StateEnergy, StateLaws};
+use piola_runtime::states::StateEnergy;
 
 use crate::bonds::{Random, cloud, lattice};
 use crate::families_break::{Case, Left, breaking, flies_apart, the_foremost_goes_first};
 use crate::reference::go;
-use crate::{Conditions, damage};
+use crate::{Conditions, damage, gathering};
 
 /// Above these break all bonds of a point, by its dilatation, and a bond, by its stretch beyond that of an end.
 const LIMITS: [f64; 2] = [0.35, 0.2];
@@ -28,16 +28,7 @@ fn solid(
 ) -> (Model, Values, StateEnergy) {
     let (_, model) = check_text(text).unwrap();
     let values = model.values(body.dimension(), &[], Some(horizon)).unwrap();
-    let kernels = model.compile(&values, Mode::Jit(level), Form::Accurate).unwrap();
-    let kernels = kernels.gathered.unwrap();
-    let laws = StateLaws {
-        of_law: Vec::new(),
-        integrals: kernels.integrals.into_iter().map(|g| Box::new(g) as Box<dyn Law>).collect(),
-        points: kernels.points.map(|law| Box::new(law) as Box<dyn VariablesLaw>),
-        bonds: kernels.bonds.map(|law| Box::new(law) as Box<dyn VariablesLaw>),
-        arguments: ["theta", "l, m"].map(String::from),
-    };
-    let energy = StateEnergy::new(Arc::clone(body), horizon, laws).unwrap();
+    let energy = gathering((&model, &values), level, body, horizon);
     (model, values, energy)
 }
 

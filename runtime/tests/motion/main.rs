@@ -25,7 +25,7 @@ mod states;
 
 use std::sync::Arc;
 
-use piola_compiler::{Form, Level, Mode, Setting, check_text};
+use piola_compiler::{Form, Level, Mode, Model, Setting, Values, check_text};
 use piola_runtime::assembly::DiscreteEnergy;
 use piola_runtime::body::Body;
 use piola_runtime::deformation::{Discretisation, OperatorOrder, Stabilisation};
@@ -88,7 +88,17 @@ fn solid(influence: &str, moduli: [f64; 2], body: &Arc<Body>, horizon: f64) -> S
     let settings = ["K", "G"].map(str::to_string).into_iter().zip(moduli.map(Setting::Number));
     let settings: Vec<_> = settings.collect();
     let values = model.values(body.dimension(), &settings, Some(horizon)).unwrap();
-    let kernels = model.compile(&values, Mode::Jit(Level::Strict), Form::Accurate).unwrap();
+    gathering((&model, &values), Level::Strict, body, horizon)
+}
+
+/// The energy of a model whose points gather theta, and whose bonds know m.
+pub(crate) fn gathering(
+    (model, values): (&Model, &Values),
+    level: Level,
+    body: &Arc<Body>,
+    horizon: f64,
+) -> StateEnergy {
+    let kernels = model.compile(values, Mode::Jit(level), Form::Accurate).unwrap();
     let kernels = kernels.gathered.unwrap();
     let laws = StateLaws {
         of_law: Vec::new(),

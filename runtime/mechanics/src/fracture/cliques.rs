@@ -80,7 +80,7 @@ impl CliqueCriteria {
             let walk = Walk { around, u, lost };
             let judge = Judge { kind, walk, is_unbreakable, wanted: Wanted::Breaking };
             let owners = if kind.cliques.measure == Measure::Area { &areas } else { &volumes };
-            let found = judge.all(owners.clone(), |found| found)?;
+            let found = judge.all(owners.as_deref(), |found| found)?;
             all[n_neighbors(kind.cliques.measure) - 2] =
                 found.into_iter().map(|(number, _)| number).collect();
         }
@@ -144,13 +144,14 @@ impl Judge<'_> {
     /// What is found of some owners, or of all, slab by slab, of which some is kept.
     fn all(
         &self,
-        owners: Option<Vec<Range<usize>>>,
+        owners: Option<&[Range<usize>]>,
         keep: impl Fn(WithMargins) -> WithMargins + Sync,
     ) -> Result<WithMargins, NonFinite> {
         let (body, _) = self.walk.around;
         let OfOwners { measure, .. } = self.kind.cliques;
-        let owners = owners.unwrap_or_else(|| std::iter::once(0..body.n_points()).collect());
-        let pieces = self.kind.cliques.by_slabs(&owners).into_par_iter();
+        let all = 0..body.n_points();
+        let owners = owners.unwrap_or(std::slice::from_ref(&all));
+        let pieces = self.kind.cliques.by_slabs(owners).into_par_iter();
         let found = pieces.map(|piece| {
             let found = match (body.dimension(), measure) {
                 (2, _) => self.piece::<2, 2>(piece),

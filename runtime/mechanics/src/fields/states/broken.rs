@@ -2,8 +2,9 @@
 //!
 //! A family without a bond is a smaller family: the integrals that do not change are gathered anew over what
 //! is left, at the ends of bonds that go, and passes go over the lists of what is left. Rows of a lattice have
-//! [gaps](super::gaps) then, where bonds at rest have neither force nor energy; others are no longer used. A point that has lost all of its bonds keeps the integrals of its whole
-//! family, by which potentials divide; what changes with displacements is a sum over nothing.
+//! [gaps](super::gaps) then, where bonds at rest have neither force nor energy; others are no longer used. A point
+//! that has lost all of its bonds keeps the integrals of its whole family, by which potentials divide; what changes
+//! with displacements is a sum over nothing.
 
 use std::sync::{Arc, OnceLock};
 

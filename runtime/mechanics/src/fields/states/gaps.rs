@@ -6,6 +6,7 @@ use rayon::prelude::*;
 use super::StateEnergy;
 use super::rows::{AlongRows, AtRest};
 use crate::interaction::runs::{KeptInRuns, Runs};
+use crate::kernel::VariablesLaw;
 use crate::neighborhood::Neighborhood;
 
 /// Which bonds are there, and what the bonds of all families had.
@@ -48,11 +49,9 @@ impl AlongRows {
         let gaps = gaps.get_or_insert_with(|| Box::new(Gaps::new(runs, whole, bent)));
         let numbers = bonds.iter().filter_map(|ends| whole.bond_between(*ends));
         numbers.for_each(|bond| gaps.kept.lose(bond));
-        if energy.laws.bonds.is_none() {
-            return true;
-        }
-        let found: Option<Vec<_>> =
-            points.par_iter().map(|point| of_point(energy, whole, *point)).collect();
+        let Some(law) = &energy.laws.bonds else { return true };
+        let of = |point: &usize| of_point((energy, &**law), whole, *point);
+        let found: Option<Vec<_>> = points.par_iter().map(of).collect();
         let Some(found) = found else { return false };
         for (bond, number) in found.into_iter().flatten() {
             bent[gaps.places[bond] as usize] = number;
@@ -71,8 +70,11 @@ impl AlongRows {
 
 /// The bonds that a point has left, by their numbers in the `whole` families, with half of the second derivative of
 /// their energy at rest as [`AlongRows::bent`] has it; nothing where they are not at rest there.
-fn of_point(energy: &StateEnergy, whole: &Neighborhood, point: usize) -> Option<Vec<(usize, f64)>> {
-    let Some(law) = &energy.laws.bonds else { return Some(Vec::new()) };
+fn of_point(
+    (energy, law): (&StateEnergy, &dyn VariablesLaw),
+    whole: &Neighborhood,
+    point: usize,
+) -> Option<Vec<(usize, f64)>> {
     let (m, volumes) = (energy.n_integrals(), energy.body.volumes());
     let ends = |other: u32| [point.min(other as usize), point.max(other as usize)];
     let bonds: Vec<[usize; 2]> = energy.neighborhood.row(point).iter().map(ends).collect();
@@ -92,7 +94,7 @@ fn of_point(energy: &StateEnergy, whole: &Neighborhood, point: usize) -> Option<
         room.given.clear();
         room.given.extend_from_slice(&lengths);
         energy.give(bonds.len(), |k| bonds[k], &mut room.given);
-        room.evaluate((&**law, &laws), &lengths, &integrals);
+        room.evaluate((law, &laws), &lengths, &integrals);
         let at_rest = room.psi.iter().chain(&room.slopes[..bonds.len()]);
         if at_rest.into_iter().any(|number| *number != 0.0) {
             return None;
